@@ -171,6 +171,7 @@ Config load_config(const std::string& path, Problems& problems) {
     pair_sensors(config.sensors);
     config.grasp = read_grasp(root, config.node.name, config.sensors, folder);
     if (config.grasp) config.modbus.objects = config.grasp->objects;
+    config.tool = read_tool(root, config.sensors, config.grasp);
     config.gpio = read_gpio(root);
     check_written_files(config);
     return config;

@@ -136,6 +136,26 @@ struct GraspSettings {
     std::string objects;  // path of the file of taught objects
 };
 
+// A sensor whose force is turned into the gripper's frame, and the part of the hand that it carries.
+struct ToolSensorSettings {
+    std::string sensor;
+    std::array<double, 3> x_S_in_G, z_S_in_G;       // axes in the file; all 0: those of [[grasp.jaw]]
+    std::array<std::array<double, 3>, 3> S_from_G;  // rows: the axes of S, seen in G
+    std::array<double, 3> position_G_mm;            // origin of S
+    double mass_kg, mass_sd_kg;
+    std::array<double, 3> centre_G_mm;
+    double centre_sd_mm;
+    std::array<double, 3> zero_S_N, zero_S_Nm;
+    double zero_sd_N, zero_sd_Nm;
+    Options options = no_options();
+};
+
+struct ToolSettings {
+    std::vector<ToolSensorSettings> sensors;
+    std::array<double, 3> gravity_G_m_s2;  // all 0: as [grasp]; there, too: not known
+    double acceleration_m_s2, accelerates_ms;
+};
+
 struct GpioSettings {
     std::string chip;
     std::string fault, grasped, slip, alive;  // GPIO lines; "" = none
@@ -152,6 +172,7 @@ struct Config {
     std::vector<LinkSettings> links;
     std::vector<SensorSettings> sensors;
     std::optional<GraspSettings> grasp;
+    std::optional<ToolSettings> tool;
     std::optional<GpioSettings> gpio;
     Options root = no_options();  // call finish() when drivers and models have read their keys
 };

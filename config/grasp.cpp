@@ -51,16 +51,7 @@ JawSettings read_jaw(Options table) {
     JawSettings jaw{};
     jaw.options = table;
     read_fields(jaw_fields(), table, jaw);
-    const auto x_read = axis(table, "x_S_in_G", jaw.x_S_in_G), z_read = axis(table, "z_S_in_G", jaw.z_S_in_G);
-    const Vector x = x_read.value_or(Vector{1, 0, 0}), z = z_read.value_or(Vector{0, 0, 1});
-    const double skew_deg = std::abs(std::asin(std::clamp(dot(x, z), -1.0, 1.0))) * kDeg;
-    if (x_read && z_read && skew_deg > kSkewDeg)
-        table.problem("z_S_in_G",
-                      fmt::format("x_S_in_G and z_S_in_G are axes of one frame and should be perpendicular; they "
-                                  "are {:.1f} degrees from it",
-                                  skew_deg));
-    const Vector y = skew_deg < 89 ? unit(cross(z, x)) : Vector{0, 1, 0};
-    jaw.S_from_G = {cross(y, z), y, z};  // z as configured; x is corrected if they are not exactly perpendicular
+    jaw.S_from_G = read_axes(table, jaw.x_S_in_G, jaw.z_S_in_G);
     return jaw;
 }
 
@@ -97,6 +88,27 @@ void check_sum_of_shares(Options& grasp, const GraspSettings& g) {
 }
 
 }  // namespace
+
+std::array<Vector, 3> read_axes(Options& table, const Vector& x_written, const Vector& z_written) {
+    const auto x_read = axis(table, "x_S_in_G", x_written), z_read = axis(table, "z_S_in_G", z_written);
+    const Vector x = x_read.value_or(Vector{1, 0, 0}), z = z_read.value_or(Vector{0, 0, 1});
+    const double skew_deg = std::abs(std::asin(std::clamp(dot(x, z), -1.0, 1.0))) * kDeg;
+    if (x_read && z_read && skew_deg > kSkewDeg)
+        table.problem("z_S_in_G",
+                      fmt::format("x_S_in_G and z_S_in_G are axes of one frame and should be perpendicular; they "
+                                  "are {:.1f} degrees from it",
+                                  skew_deg));
+    const Vector y = skew_deg < 89 ? unit(cross(z, x)) : Vector{0, 1, 0};
+    return {cross(y, z), y, z};  // z as it was written; x moves where they were not quite perpendicular
+}
+
+void check_gravity(Options& table, const char* key, const Vector& gravity_m_s2) {
+    const double pull = length(gravity_m_s2);
+    if (gravity_m_s2 != Vector{0, 0, 0} && !(pull >= kMinG_m_s2 && pull <= kMaxG_m_s2))
+        table.problem(key, fmt::format("{} has a length of {:.3g}; on Earth it is 9.81 m/s^2, and [0, 0, 0] where its "
+                                       "direction is not known",
+                                       key, pull));
+}
 
 const Fields<JawSettings>& jaw_fields() {
     using S = JawSettings;
@@ -158,11 +170,7 @@ std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_n
         table.problem("jaws_of_gripper",
                       fmt::format("jaws_of_gripper = {}, but {} have a sensor", g.jaws_of_gripper, g.jaws.size()));
     check_sum_of_shares(table, g);
-    const double pull = length(g.gravity_G_m_s2);
-    if (g.gravity_G_m_s2 != Vector{0, 0, 0} && !(pull >= kMinG_m_s2 && pull <= kMaxG_m_s2))
-        table.problem("gravity_G_m_s2", fmt::format("gravity_G_m_s2 has a length of {:.3g}; on Earth it is 9.81 m/s^2, and "
-                                                    "[0, 0, 0] where its direction is not known",
-                                                    pull));
+    check_gravity(table, "gravity_G_m_s2", g.gravity_G_m_s2);
     g.slip_sensitivity /= 100;
     if (g.objects.empty()) table.problem("objects", "objects = \"\" names no file; leave the key out for the default");
     // absolute("") throws: a configuration without a folder in its name is in the current one.

@@ -62,6 +62,14 @@ const std::vector<KeyTable>& key_tables() {
               "object; x "
               "and y are free, right-handed."),
         table("[[grasp.jaw]]", jaw_fields(), Reload::tune, "One table for each sensor that sits on a jaw, 1 .. 16."),
+        table("[tool]", tool_fields(), Reload::tune,
+              "The wrench on the gripper: the forces of sensors in the gripper's frame G, less the weight of the hand, and "
+              "their "
+              "sum. Optional."),
+        table(
+            "[[tool.sensor]]", tool_sensor_fields(), Reload::tune,
+            "One table for each sensor of the sum, 1 .. 16. Each force is counted once: a wrist and the jaws behind it are "
+            "not summed."),
         table("[modbus]", modbus_fields(), Reload::restart, "The Modbus server. Its registers: node/modbus/MAP.md."),
         table("[modbus.rtu]", rtu_fields(), Reload::restart, "The same server on a serial line."),
         table("[shm]", shm_fields(), Reload::restart, "The shared memory."),

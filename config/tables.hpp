@@ -1,6 +1,7 @@
 // The tables of the configuration: the list of fields of each, and the parts of load_config() with a file of their
 // own. For use in config/ only.
 #pragma once
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,6 +17,8 @@ const Fields<LinkSettings>& link_fields();      // the other keys of [[link]] ar
 const Fields<SensorSettings>& sensor_fields();  // the other keys of [[sensor]] are the model's
 const Fields<GraspSettings>& grasp_fields();
 const Fields<JawSettings>& jaw_fields();
+const Fields<ToolSettings>& tool_fields();
+const Fields<ToolSensorSettings>& tool_sensor_fields();
 const Fields<ModbusSettings>& modbus_fields();
 const Fields<RtuSettings>& rtu_fields();
 const Fields<ShmSettings>& shm_fields();
@@ -34,6 +37,17 @@ ModbusSettings read_modbus(Options table, const std::string& node_name);
 // Reads [grasp] and checks it against the sensors; nothing if the file has none. setup: never throws for bad input
 std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_name,
                                         const std::vector<SensorSettings>& sensors, const std::string& folder);
+
+// Two axes of one frame as a person wrote them, of any length, as rows of an orthonormal matrix: x, y, z. `key_x` and
+// `key_z` name them in the problems. setup: never throws for bad input
+std::array<std::array<double, 3>, 3> read_axes(Options& table, const std::array<double, 3>& x,
+                                               const std::array<double, 3>& z);
+// Adds a problem of `key` unless the vector is 0 ("not known") or has a length that occurs on Earth. setup
+void check_gravity(Options& table, const char* key, const std::array<double, 3>& gravity_m_s2);
+
+// Reads [tool], checked against the sensors; nothing if the file has none. setup: never throws for bad input
+std::optional<ToolSettings> read_tool(Options& root, const std::vector<SensorSettings>& sensors,
+                                      const std::optional<GraspSettings>& grasp);
 
 // Reads [gpio]; nothing if the file has none. setup: never throws for bad input
 std::optional<GpioSettings> read_gpio(Options& root);

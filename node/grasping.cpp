@@ -14,8 +14,13 @@ constexpr double kMaxWindow_ms = 1000;  // memory of the estimator; the register
 
 }  // namespace
 
-Grasping::Grasping(const std::optional<Setup>& setup) {
+Grasping::Grasping(const std::optional<Setup>& setup, const std::optional<tool::Setup>& tool) {
     jaw_of_sensor_.fill(-1);
+    tool_of_sensor_.fill(-1);
+    if (tool) {
+        tool_.emplace(*tool);
+        for (std::size_t i = 0; i < tool->sensors.size(); ++i) tool_of_sensor_[tool->sensors[i].sensor] = int(i);
+    }
     if (!setup) return;
     for (std::size_t jaw = 0; jaw < setup->estimator.jaws.size(); ++jaw)
         jaw_of_sensor_[setup->estimator.jaws[jaw].sensor] = int(jaw);
@@ -28,6 +33,7 @@ Grasping::Grasping(const std::optional<Setup>& setup) {
 }
 
 void Grasping::observe(std::uint32_t sensor, const tactiled_sample& s, const Wrench& zero_S) noexcept {
+    if (const int index = tool_of_sensor_[sensor]; index >= 0) observe_tool(std::size_t(index), s, zero_S);
     const int jaw = jaw_of_sensor_[sensor];
     if (jaw < 0) return;
     grasp::JawSample observed;
@@ -58,6 +64,23 @@ void Grasping::observe(std::uint32_t sensor, const tactiled_sample& s, const Wre
     estimator_->sample(std::size_t(jaw), observed);
 }
 
+void Grasping::observe_tool(std::size_t index, const tactiled_sample& s, const Wrench& zero_S) noexcept {
+    tool::Sample observed;
+    observed.t_ns = s.t_ns;
+    observed.quality = tactiled_quality(s.quality);
+    if ((s.reasons & TACTILED_ZERO_UNKNOWN) != 0) observed.quality = TACTILED_BAD;  // its zero is not known
+    observed.tare_count = s.tare_count;
+    observed.taring = (s.reasons & TACTILED_TARING) != 0;
+    observed.tare_S = zero_S;
+    for (std::size_t i = 0; i < 3; ++i) {  // not low-passed
+        observed.raw_S[i] = s.raw_force_S_N[i];
+        observed.raw_S[i + 3] = s.raw_torque_S_Nm[i];
+        observed.sd[i] = s.sd_force_N[i];
+        observed.sd[i + 3] = s.sd_torque_Nm[i];
+    }
+    tool_->sample(index, observed);
+}
+
 void Grasping::take(std::span<const TaughtObject> objects) noexcept {
     n_taught_ = std::min(objects.size(), taught_.size());
     std::copy_n(objects.begin(), n_taught_, taught_.begin());
@@ -72,8 +95,10 @@ void Grasping::hand_over_objects() noexcept {
 }
 
 bool Grasping::carry_out(const Command& command) noexcept {
-    if (!estimator_) return false;
     using Kind = Command::Kind;
+    if (tool_ && command.kind == Kind::gravity) tool_->gravity(command.robot_G_m_s2);
+    if (tool_ && command.kind == Kind::acceleration) tool_->acceleration(command.robot_G_m_s2, command.reported_ns);
+    if (!estimator_) return tool_ && command.kind >= Kind::gravity;
     switch (command.kind) {
         case Kind::start_weighing: return estimator_->start_weighing();
         case Kind::stop_weighing: return estimator_->stop_weighing();
@@ -122,7 +147,10 @@ void Grasping::succeed(const Grasping& before) noexcept {
     if (estimator_ && reported_gravity_G_m_s2_) estimator_->gravity(*reported_gravity_G_m_s2_);
     if (estimator_) estimator_->hint(reported_hint_);
     if (estimator_) take({before.taught_.data(), before.n_taught_});
+    if (tool_ && before.tool_) tool_->succeed(*before.tool_);
 }
+
+tactiled_tool Grasping::tool() const noexcept { return tool_ ? tool_->state() : tactiled_tool{}; }
 
 tactiled_grasp Grasping::state() const noexcept {
     if (estimator_) {

@@ -1,4 +1,5 @@
-// The grasp in the pipeline: assigns sensors to jaws, passes commands to the estimator, and returns its record.
+// The grasp and the wrench on the gripper in the pipeline: assigns sensors to jaws, passes commands to the estimators,
+// and returns their records.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -7,6 +8,7 @@
 #include <vector>
 
 #include "decoupling/grasp/grasp.hpp"
+#include "decoupling/tool/tool.hpp"
 #include "node/command.hpp"
 #include "tactiled/layout.h"
 
@@ -20,10 +22,10 @@ public:
         std::vector<TaughtObject> objects;
     };
     // Without a setup nothing is known and every command is refused. setup
-    explicit Grasping(const std::optional<Setup>& setup);
+    explicit Grasping(const std::optional<Setup>& setup, const std::optional<tool::Setup>& tool = {});
 
-    // Takes a sample of a sensor, including BAD ones; `zero_S` is what its tare subtracts. A sensor that is not a jaw
-    // is ignored.
+    // Takes a sample of a sensor, including BAD ones; `zero_S` is what its tare subtracts. A sensor that is
+    // neither a jaw nor a part of the tool is ignored.
     // rt: wait-free
     void observe(std::uint32_t sensor, const tactiled_sample& sample, const Wrench& zero_S) noexcept;
 
@@ -38,12 +40,17 @@ public:
 
     // rt: wait-free
     [[nodiscard]] tactiled_grasp state() const noexcept;
+    // rt: bounded by the sensors
+    [[nodiscard]] tactiled_tool tool() const noexcept;
 
 private:
+    void observe_tool(std::size_t index, const tactiled_sample& sample, const Wrench& zero_S) noexcept;
     void take(std::span<const TaughtObject> objects) noexcept;
     void hand_over_objects() noexcept;
 
     std::optional<grasp::Grasp> estimator_;
+    std::optional<tool::Tool> tool_;
+    std::array<int, TACTILED_MAX_SENSORS> tool_of_sensor_{};  // index in the setup of the tool; -1: none
     GraspSettable configured_, requested_{kNaN, kNaN};
     std::optional<grasp::Vector> reported_gravity_G_m_s2_;  // NaN: reported as unknown
     grasp::Hint reported_hint_ = grasp::Hint::none;

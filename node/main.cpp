@@ -72,8 +72,8 @@ int run(Node& node, const sigset_t& signals) {
     zeros.restore(node.sensors);
     Reloader reloader(node, method_costs_folder(), &zeros);
     SegmentWriter segment(node.plan);
-    Pipeline pipeline(node.links, node.sensors, segment, node.simulated ? std::uint32_t(TACTILED_SIMULATED) : 0u,
-                      node.grasp);
+    Pipeline pipeline(node.links, node.sensors, segment, node.simulated ? std::uint32_t(TACTILED_SIMULATED) : 0u, node.grasp,
+                      node.tool);
     pipeline.commands.keep_zeros_in(zeros);
     pipeline.clear_faults_after(std::uint64_t(node.config.node.fault_clear_s * 1e9));
     pipeline.start(monotonic_ns());

@@ -72,7 +72,8 @@ std::uint64_t NodeRecord::deadline_ns() const noexcept {
     return std::min(node_.t_ns + kNodeRecordNs, heartbeat_ns_ + kHeartbeatNs);
 }
 
-void NodeRecord::publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp) noexcept {
+void NodeRecord::publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp,
+                         const tactiled_tool& tool) noexcept {
     bool all_have_values = true, all_deliver = true;
     std::uint32_t reasons = 0, states = 0, lost = 0, refused = 0;
     for (const auto& sensor : sensors_) {
@@ -96,6 +97,7 @@ void NodeRecord::publish(std::uint64_t now_ns, const Tares& tares, const tactile
                    bit_if(tares.is_running(), TACTILED_ANY_TARING) | bit_if(node_.warning != 0, TACTILED_WARNING) |
                    bit_if(node_.fault != 0, TACTILED_FAULT);
     node_.grasp = grasp;
+    node_.tool = tool;
     node_.t_ns = now_ns;
     segment_.publish(node_);
     ++node_.sequence;

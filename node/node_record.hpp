@@ -66,7 +66,7 @@ public:
     // Returns the time of the next record or heartbeat if nothing is new until then. rt: wait-free
     [[nodiscard]] std::uint64_t deadline_ns() const noexcept;
     // rt: bounded by the number of sensors and links
-    void publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp) noexcept;
+    void publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp, const tactiled_tool& tool) noexcept;
 
 private:
     void latch(std::uint32_t faults) noexcept {

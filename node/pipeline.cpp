@@ -74,7 +74,7 @@ void Pipeline::publish(std::uint32_t sensor, const tactiled_sample& sample) noex
 void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
     for (const auto& link : links_)
         for (const auto& binding : link->bindings) segment_.set_freshness(binding.sensor, link->age.proof(binding.device));
-    record_.publish(now_ns, commands.tares(), grasping_->state());
+    record_.publish(now_ns, commands.tares(), grasping_->state(), grasping_->tool());
 }
 
 // ---- the loop ----------------------------------------------------------------------------------------------------------
@@ -122,13 +122,13 @@ void Pipeline::mark_discontinuities(std::uint64_t now_ns) noexcept {
 // ---- before and after the loop -----------------------------------------------------------------------------------------
 
 Pipeline::Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor>& sensors, SegmentWriter& segment,
-                   std::uint32_t status, const std::optional<Grasping::Setup>& grasp)
+                   std::uint32_t status, const std::optional<Grasping::Setup>& grasp, const std::optional<tool::Setup>& tool)
     : commands(sensors, wake_),
       links_(links),
       sensors_(sensors),
       segment_(segment),
       link_of_sensor_(sensors.size(), nullptr),
-      grasping_(std::make_unique<Grasping>(grasp)),
+      grasping_(std::make_unique<Grasping>(grasp, tool)),
       record_(links, sensors, segment, status) {
     for (auto& link : links_)
         for (const auto& binding : link->bindings) link_of_sensor_[binding.sensor] = link.get();

@@ -37,7 +37,8 @@ class Pipeline {
 public:
     // `status` holds bits that never change while the daemon runs: SIMULATED. setup
     Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor>& sensors, SegmentWriter& segment,
-             std::uint32_t status, const std::optional<Grasping::Setup>& grasp = {});
+             std::uint32_t status, const std::optional<Grasping::Setup>& grasp = {},
+             const std::optional<tool::Setup>& tool = {});
     // Sets where each node record is announced to sleeping readers, and where each cycle is counted. Before the loop
     // only.
     void announce_to(Waker* readers, Progress::Liveness* cycles) noexcept {

@@ -29,6 +29,7 @@ Reloader::Accepted Reloader::accepted(const Node& node) {
             node.config.sensors,
             node.calibrations,
             node.grasp,
+            node.tool,
             node.config.grasp ? node.config.grasp->objects : "",
             node.plan.calibration_id};
 }
@@ -58,7 +59,7 @@ std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
     for (const auto& part : replacement.sensors)
         names.push_back(fmt::format("sensor \"{}\"{}", next.sensors[part.index].name,
                                     part.measures_alike ? "" : " (a new epoch, without its tare)"));
-    if (replacement.grasping != nullptr) names.push_back("the grasp");
+    if (replacement.grasping != nullptr) names.push_back(now_.tool ? "the grasp or the tool" : "the grasp");
     std::string done = names.empty() ? "neither the configuration nor a calibration has changed"
                                      : fmt::format("changed {}", fmt::join(names, ", "));
     if (names.empty() && next.calibration_id == now_.calibration_id) return done;  // not even a comment has changed
@@ -91,6 +92,8 @@ void Reloader::refuse_what_needs_a_restart(Node& fresh) const {
     }
     if (fresh.grasp.has_value() != now_.grasp.has_value())
         return root.problem("grasp", fmt::format("whether there is a [grasp] {}", kRestart));
+    if (fresh.tool.has_value() != now_.tool.has_value())
+        return root.problem("tool", fmt::format("whether there is a [tool] {}", kRestart));
     if (!fresh.config.grasp) return;
     Options before = now_.root, grasp = root.table("grasp");
     const bool same_objects = fresh.config.grasp->objects == now_.objects;  // the same file, written differently
@@ -112,6 +115,7 @@ Replacement Reloader::difference(Node& fresh) const {
     bool regrasp =
         fresh.grasp && !(fresh.grasp->estimator == now_.grasp->estimator &&
                          fresh.grasp->settable == now_.grasp->settable);  // objects: as in the running configuration
+    regrasp |= fresh.tool != now_.tool;
     for (std::uint32_t i = 0; i < fresh.sensors.size(); ++i) {
         const bool alike = measures_alike(fresh, i);
         // the other sensor's table may have named it
@@ -121,7 +125,7 @@ Replacement Reloader::difference(Node& fresh) const {
             {i, alike, std::make_unique<Sensor>(std::move(fresh.sensors[i])), fresh.plan.sensors[i]});
         regrasp |= !alike && is_jaw(fresh.grasp, i);  // its forces differ, and therefore the scale of the weight
     }
-    if (regrasp) replacement.grasping = std::make_unique<Grasping>(fresh.grasp);
+    if (regrasp) replacement.grasping = std::make_unique<Grasping>(fresh.grasp, fresh.tool);
     return replacement;
 }
 

@@ -24,6 +24,7 @@ private:
         std::vector<SensorSettings> sensors;
         std::vector<std::string> calibrations;
         std::optional<Grasping::Setup> grasp;
+        std::optional<tool::Setup> tool;
         std::string objects;  // path of the taught objects
         std::uint32_t calibration_id;
     };

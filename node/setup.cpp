@@ -273,6 +273,23 @@ std::optional<Grasping::Setup> grasp_setup(Config& config, const SegmentPlan& pl
     return setup;
 }
 
+std::optional<tool::Setup> tool_setup(const Config& config) {
+    if (!config.tool) return std::nullopt;
+    const ToolSettings& settings = *config.tool;
+    const auto metres = [](const std::array<double, 3>& mm) { return tool::Vector{mm[0] / 1e3, mm[1] / 1e3, mm[2] / 1e3}; };
+    tool::Setup setup;
+    setup.gravity_G_m_s2 = settings.gravity_G_m_s2;
+    setup.acceleration_m_s2 = settings.acceleration_m_s2;
+    setup.accelerates_ms = settings.accelerates_ms;
+    for (const ToolSensorSettings& one : settings.sensors)
+        for (std::size_t i = 0; i < config.sensors.size(); ++i)
+            if (config.sensors[i].name == one.sensor)
+                setup.sensors.push_back({std::uint32_t(i), one.S_from_G, metres(one.position_G_mm), one.mass_kg,
+                                         one.mass_sd_kg, metres(one.centre_G_mm), one.centre_sd_mm / 1e3, one.zero_S_N,
+                                         one.zero_S_Nm, one.zero_sd_N, one.zero_sd_Nm});
+    return setup;
+}
+
 // Returns CAL_ID: one number that changes when the configuration or any calibration changes.
 std::uint16_t identity_of(const Config& config, Problems& problems) {
     constexpr std::size_t kMaxBytes = std::size_t{16} << 20;  // the same limit as for a calibration
@@ -295,6 +312,7 @@ Node load_node(const std::string& config_path, Problems& problems, const std::st
               .links = {},
               .sensors = {},
               .grasp = {},
+              .tool = {},
               .plan = {}};
     Config& config = node.config;
     for (std::size_t i = 0; i < config.links.size(); ++i) {
@@ -314,6 +332,8 @@ Node load_node(const std::string& config_path, Problems& problems, const std::st
     if (!problems.empty()) return node;
 
     node.grasp = grasp_setup(config, node.plan, problems);
+    node.tool = tool_setup(config);
+    node.plan.tool = node.tool.has_value();
     node.plan.name = config.node.name;
     node.plan.version = TACTILED_VERSION;
     node.plan.control = config.node.control;

@@ -19,6 +19,7 @@ struct Node {
     std::vector<std::unique_ptr<Link>> links;
     std::vector<Sensor> sensors;  // in the order of the file, which is the order in segment and register map
     std::optional<Grasping::Setup> grasp;
+    std::optional<tool::Setup> tool;
     SegmentPlan plan;
     bool simulated = false;  // the data of a link are
 };

@@ -130,10 +130,13 @@ void Contact::close_bucket() noexcept {
     zero_ns_ = observation_.t_ns;
 }
 
+double Contact::zero_age_s() const noexcept {
+    return zero_ns_ == 0 ? 0 : double(observation_.t_ns - std::min(zero_ns_, observation_.t_ns)) * 1e-9;
+}
+
 Eigen::Vector3d Contact::zero_sd_N() const noexcept {
     if (!zero_known_) return Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
-    const double since_s = zero_ns_ == 0 ? 0 : double(observation_.t_ns - std::min(zero_ns_, observation_.t_ns)) * 1e-9;
-    return (walk_N2_s_ * (since_s + kZeroTime_s)).array().sqrt().matrix();
+    return (walk_N2_s_ * (zero_age_s() + kZeroTime_s)).array().sqrt().matrix();
 }
 
 }  // namespace tactiled::grasp

@@ -37,6 +37,8 @@ public:
     // Returns one sd of the zero's random walk since the free phase; infinite if a discontinuity came and no free
     // phase after it.
     [[nodiscard]] Eigen::Vector3d zero_sd_N() const noexcept;
+    // Time since the zero was last learnt; 0 = not learnt yet.
+    [[nodiscard]] double zero_age_s() const noexcept;
 
 private:
     void judge_touch() noexcept;

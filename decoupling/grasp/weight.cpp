@@ -9,6 +9,8 @@ namespace tactiled::grasp {
 namespace {
 
 constexpr std::uint64_t kFresh_ns = 100'000'000;  // age up to which a reported acceleration is used
+// accepted lengths of gravity: those on Earth, with rounding
+constexpr double kMinG_m_s2 = 9.69, kMaxG_m_s2 = 9.91;
 constexpr double kObservable = 0.3;  // least tangential part of the weight: gravity 17 degrees off the skin's normal
 constexpr double kKnownSure = 0.05;  // relative sd of a known weight: noise must not set the scale
 
@@ -42,7 +44,7 @@ void Weight::window(double ms) noexcept {
 
 void Weight::gravity(const Eigen::Vector3d& gravity_G_m_s2) noexcept {
     const double size = gravity_G_m_s2.norm();
-    const bool known = size > 0.1 && size < 1000;  // false for NaN
+    const bool known = size > kMinG_m_s2 && size < kMaxG_m_s2;  // false for NaN
     const Eigen::Vector3d to = known ? gravity_G_m_s2 : Eigen::Vector3d::Zero();
     if (known && gravity_G_.norm() > 0 && to.dot(gravity_G_) > 0.9999 * to.norm() * gravity_G_.norm()) {
         gravity_G_ = to;  // a change of about 0.1 degree keeps the weight

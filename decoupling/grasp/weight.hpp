@@ -95,6 +95,7 @@ private:
     [[nodiscard]] double sensors_kg(double mass_kg, std::span<const Contact> jaws) const noexcept;
     [[nodiscard]] bool sure(double mass_kg, double sd_kg) const noexcept;
     [[nodiscard]] double newest_departs_kg() const noexcept;
+    [[nodiscard]] std::uint64_t first_above(double mass_kg) const noexcept;
     [[nodiscard]] std::uint64_t lift_off(double mass_kg) const noexcept;
     [[nodiscard]] double systematic_kg(double mass_kg, std::span<const Contact> jaws) const noexcept;
     [[nodiscard]] double off_axis_kg(std::span<const Contact> jaws, double mass_kg, std::uint32_t& found) const noexcept;
@@ -106,6 +107,7 @@ private:
     [[nodiscard]] bool moved(const Mean& window, std::uint64_t from_ns, std::uint64_t now_ns) const noexcept;
     void take_first(const Findings& found) noexcept;
     [[nodiscard]] bool flat(const Mean& mean) const noexcept;
+    [[nodiscard]] double drifted_kg(std::span<const Contact> jaws, std::uint64_t from_ns) const noexcept;
     [[nodiscard]] double unexplained_kg(double mass_kg) const noexcept;
     void forget_first() noexcept;
 

@@ -25,6 +25,8 @@ constexpr std::size_t kEnough = 48;                  // blocks of 5 ms: a swing 
 constexpr double kBends = 0.002, kTrends = 0.005;    // relative changes within one window; larger ones are a swing
 constexpr std::uint64_t kLook_ns = 100'000'000;      // length of such a window
 constexpr std::uint64_t kTogether_ns = 100'000'000;  // the load reaches all jaws within this time
+constexpr double kSlopeBlocks = 60;                  // 0.3 s: noise hides a slope in a shorter time
+constexpr double kSlopeNoises = 1;                   // sd of a slope that noise explains
 constexpr double kSeen = 6;                          // in sd of a sensor: a smaller load has no time
 
 }  // namespace
@@ -141,6 +143,24 @@ bool Weight::moved(const Mean& window, std::uint64_t from_ns, std::uint64_t now_
             std::abs(sum_kg[k] / double(n[k]) - window.mass_kg) > allowed_kg)
             return true;
     return false;
+}
+
+// A load that goes on changing steadily may be a zero that drifts, and has drifted since it was learnt. The slope of the
+// blocks that are newer than `from_ns`, as far as their noise does not explain it, times the age of the zeros.
+double Weight::drifted_kg(std::span<const Contact> jaws, std::uint64_t from_ns) const noexcept {
+    double n = 0, t = 0, m = 0, tt = 0, tm = 0, jitter = 0;
+    for (std::size_t b = 0; b < n_ && block(b).t_ns > from_ns; ++b, ++n) {
+        const double t_s = double(block_ns_ - std::min(block_ns_, block(b).t_ns)) * -1e-9;
+        t += t_s, m += block(b).mass_kg, tt += t_s * t_s, tm += t_s * block(b).mass_kg;
+        if (b > 0) jitter += std::pow(block(b).mass_kg - block(b - 1).mass_kg, 2) / 2;
+    }
+    const double spread = n > 0 ? tt - t * t / n : 0;
+    if (n < kSlopeBlocks || !(spread > 0)) return 0;
+    const double slope = (tm - t * m / n) / spread, noise = std::sqrt(jitter / (n - 1) / spread);
+    double age_s = 0;
+    for (std::size_t j = 0; j < n_jaws_; ++j)
+        if (jaws_[j].carries_m_s2 > 0) age_s = std::max(age_s, jaws[j].zero_age_s());
+    return std::max(0.0, std::abs(slope) - kSlopeNoises * noise) * age_s;
 }
 
 void Weight::take_first(const Findings& found) noexcept {

@@ -22,9 +22,11 @@ constexpr double kLeftOfOthers = 0.5;  // the same for other sensors, for which 
 constexpr double kReported = 0.05;     // relative error of a reported acceleration: delay and scale
 // an object that is drawn over a table with a force F presses on it with up to F / 0.3
 constexpr double kTableFriction = 0.3;
-constexpr double kFollows_s = 1;                  // a stable value follows creep with this time constant
-constexpr double kShaken = 0.2;                   // relative rms of 5 ms; above it the load itself changes
-constexpr double kSure = 0.2;                     // relative deviation above which no weight is good
+constexpr double kFollows_s = 1;  // a stable value follows creep with this time constant
+constexpr double kShaken = 0.2;   // relative rms of 5 ms; above it the load itself changes
+constexpr double kSure = 0.2;     // relative deviation above which no weight is good
+// From half of the load to nine tenths of it; lifts in the tests take 0.05 to 0.3 s in all.
+constexpr std::uint64_t kSlowly_ns = 250'000'000;
 constexpr std::uint64_t kQuiet_ns = 500'000'000;  // half a period of a swing of 1 Hz
 
 double square(double x) noexcept { return x * x; }
@@ -65,11 +67,17 @@ Weight::Mean Weight::mean_since(std::uint64_t from_ns) const noexcept {
     return m;
 }
 
-// Returns when the load first reached nine tenths of `mass_kg`. Vibration would delay the last time.
-std::uint64_t Weight::lift_off(double mass_kg) const noexcept {
+// Returns when the load first reached `mass_kg`. Vibration would delay the last time.
+std::uint64_t Weight::first_above(double mass_kg) const noexcept {
     std::uint64_t first_ns = begun_ns_;
     for (std::size_t b = 0; b < n_ && block(b).t_ns >= begun_ns_; ++b)
-        if (block(b).mass_kg >= 0.9 * mass_kg) first_ns = block(b).t_ns;
+        if (block(b).mass_kg >= mass_kg) first_ns = block(b).t_ns;
+    return first_ns;
+}
+
+// Returns when the load first reached nine tenths of `mass_kg`.
+std::uint64_t Weight::lift_off(double mass_kg) const noexcept {
+    const std::uint64_t first_ns = first_above(0.9 * mass_kg);
     const bool forgotten = n_ == kBlocks && now_.lift_off_ns >= begun_ns_ && now_.lift_off_ns < block(n_ - 1).t_ns;
     return forgotten ? now_.lift_off_ns : first_ns;
 }
@@ -238,15 +246,20 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     const double fixed_kg = systematic_kg(mean.mass_kg, jaws);
     const Findings found =
         after ? examine(forces_since(since_ns, jaws), mean.mass_kg, std::hypot(moving_kg, fixed_kg), 0) : Findings{};
-    const double sd_kg = std::hypot(std::hypot(moving_kg, fixed_kg), std::max(0.0, dragged_kg), found.sd_kg);
     const std::uint64_t excused_ns = std::max(accelerates_ns_ / 2, std::min(accelerates_ns_, kQuiet_ns));
     const std::uint64_t quiet_ns = now_ns - std::min(now_ns, kQuiet_ns);
+    // A load that took long from half of this to nine tenths of it was not lifted, but swings.
+    const std::uint64_t half_ns = first_above(mean.mass_kg / 2),
+                        lifted_ns = last_ns > half_ns + kSlowly_ns ? half_ns : last_ns;
+    const double drifted_kg = after ? this->drifted_kg(jaws, std::max(quiet_ns, lifted_ns + excused_ns)) : 0;
+    const double sd_kg =
+        std::hypot(std::hypot(moving_kg, fixed_kg), std::hypot(std::max(0.0, dragged_kg), drifted_kg), found.sd_kg);
     const bool still =
         mean.blocks_sd_kg <= std::hypot(kShaken * mean.mass_kg, fixed_kg) &&
         mean.sd_kg <= std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
         std::abs(mean.trend_kg) <= 2 * std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
         (mean.accelerations_known ||
-         (flat(mean) && !moved(window, again_ ? quiet_ns : std::max(quiet_ns, last_ns + excused_ns), now_ns)));
+         (flat(mean) && !moved(window, again_ ? quiet_ns : std::max(quiet_ns, lifted_ns + excused_ns), now_ns)));
     const bool stable = after && dragged_kg <= 0 && sure(mean.mass_kg, sd_kg) && still && found.doubts == 0;
     now_ = {stable ? TACTILED_WEIGHT_STABLE : TACTILED_WEIGHT_ESTIMATING, mean.mass_kg - tare_kg_,
             std::isfinite(sd_kg) ? sd_kg : kNaN, lift_off_ns};
@@ -284,7 +297,10 @@ void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std
         balanced_ns_ = now_ns;
     else if (now_ns < balanced_ns_ + accelerates_ns_ + 2 * window_ns_)
         found = examine(forces, held_kg_, held_sd_kg, max_acceleration_m_s2_);
-    const double fixed_kg = std::hypot(systematic, found.sd_kg);
+    const std::uint64_t excused_ns = std::max(accelerates_ns_ / 2, std::min(accelerates_ns_, kQuiet_ns));
+    const double drifted_kg =
+        this->drifted_kg(jaws, std::max(now_ns - std::min(now_ns, 2 * kQuiet_ns), now_.lift_off_ns + excused_ns));
+    const double fixed_kg = std::hypot(systematic, found.sd_kg, drifted_kg);
     const double departs_kg = kDeparts * std::abs(held_kg_);
     // A change of the load within the window is scatter as well, and must not excuse itself.
     const double window_sd_kg = std::min(window.sd_kg, departs_kg);

@@ -19,8 +19,8 @@ int main(int, char** argv) {
     using namespace tactiled::ctl;
     std::vector<char*> words = verb_first(argv);
     if (const auto status = start_laboratory(words)) return *status;
-    static constexpr AddVerb kVerbs[] = {add_status, add_top,        add_read,   add_record,     add_replay,
-                                         add_tare,   add_clear,      add_weigh,  add_teach,      add_map,
+    static constexpr AddVerb kVerbs[] = {add_status, add_top,        add_read,   add_record,     add_replay,      add_tare,
+                                         add_clear,  add_weigh,      add_teach,  add_tool_fit,   add_grasp_check, add_map,
                                          add_check,  add_completion, add_doctor, list_laboratory};
     return run_verb(int(words.size()) - 1, words.data(), kVerbs);
 }

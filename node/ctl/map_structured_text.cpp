@@ -81,6 +81,7 @@ void declare_constants(std::string& out) {
                                  {"GRIP", "global.GRIP_STATE", false},
                                  {"WEIGHT", "global.WEIGHT_STATE", false},
                                  {"WHY", "doubt.WEIGHT_WHY", true},
+                                 {"TOOL", "tool.STATUS", true},
                                  {"SLIP", "sensor.SLIP_STATE", false},
                                  {"CMD", "control.CMD", false},
                                  {"CMD_STATE", "global.CMD_STATE", false},

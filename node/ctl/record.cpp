@@ -1,5 +1,6 @@
-// tactilectl record FILE: records all frames of all links and all samples of all sensors from shared memory into an
-// MCAP file. It costs the daemon nothing: an error here, such as a full disk, ends only the recording.
+// tactilectl record FILE: records all frames of all links, all samples of all sensors and the wrench on the gripper
+// from shared memory into an MCAP file. It costs the daemon nothing: an error here, such as a full disk, ends only the
+// recording.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,7 +9,10 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <thread>
+#include <tuple>
+#include <utility>
 
 #include "config/text_file.hpp"
 #include "decoupling/csv.hpp"
@@ -135,6 +139,12 @@ public:
                                 channel(of_qualities, "quality"),
                                 args.csv ? std::make_unique<ForcesWriter>(csv_path(args.file, sensor.name)) : nullptr});
         }
+        if (segment.header().node.record_size > TACTILED_NODE_SIZE_1_6) {  // there is a [tool]
+            const auto of_tools = file_.add_schema(std::string(kToolSchema), "ros2msg", std::string(kToolDefinition));
+            tool_.emplace(ToolTail{fmt::format("{}/G", node), Tail(segment, segment.header().node),
+                                   file_.add_channel(of_tools, fmt::format("/{}/tool", node), "cdr", {}),
+                                   file_.add_channel(of_wrenches, fmt::format("/{}/tool/wrench", node), "cdr", {})});
+        }
         for (const auto& [name, bytes] : files_)
             file_.attach(name, name.ends_with(".toml") ? "application/toml" : "text/plain", bytes, wall_ns());
         wall_from_monotonic_ns_ = wall_ns() - monotonic_ns();
@@ -165,6 +175,17 @@ public:
                     sensor.csv->write(double(sample.t_ns) / 1e9, estimate_of(sample),
                                       quality_text(sample.quality, sample.reasons));
             }
+        tactiled_node node;
+        while (tool_ && tool_->tail.next(node)) {
+            const tactiled_tool& tool = node.tool;
+            const auto news = std::tuple(tool.t_newest_ns, tool.quality, tool.why);
+            if (std::exchange(tool_->last, news) == news) continue;
+            const auto number = std::uint32_t(node.sequence);
+            encode_tool(tool, wall(tool.t_newest_ns), message_);
+            file_.message(tool_->whole, number, wall(tool.t_newest_ns), message_);
+            encode_wrench(tool, tool_->frame_id, wall(tool.t_newest_ns), message_);
+            file_.message(tool_->wrenches, number, wall(tool.t_newest_ns), message_);
+        }
     }
     void flush() { file_.flush(); }
     void close() {
@@ -177,6 +198,7 @@ public:
         std::uint64_t lost = 0;
         for (const auto& link : links_) lost += link.tail.lost();
         for (const auto& sensor : sensors_) lost += sensor.tail.lost();
+        if (tool_) lost += tool_->tail.lost();
         return lost;
     }
     [[nodiscard]] const mcap::Writer& file() const { return file_; }
@@ -199,10 +221,17 @@ private:
         std::uint16_t samples, wrenches, qualities;
         std::unique_ptr<ForcesWriter> csv;
     };
+    struct ToolTail {
+        std::string frame_id;
+        Tail tail;
+        std::uint16_t whole, wrenches;
+        std::tuple<std::uint64_t, std::uint32_t, std::uint32_t> last{};
+    };
     TextFiles::List files_;  // read first: without a configuration that was named there is no recording
     mcap::Writer file_;
     std::vector<LinkTail> links_;
     std::vector<SensorTail> sensors_;
+    std::optional<ToolTail> tool_;
     std::uint64_t wall_from_monotonic_ns_ = 0;
     std::string message_;
 };

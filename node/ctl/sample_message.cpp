@@ -39,6 +39,32 @@ int32 sec
 uint32 nanosec
 )";
 
+const std::string_view kToolDefinition =
+    R"(# What the world exerts on the gripper, in its frame G: tactiled/layout.h, struct tactiled_tool. SI units.
+builtin_interfaces/Time stamp  # wall clock of t_newest_ns
+uint64 t_ns
+uint64 t_newest_ns
+uint32 quality       # 1 good, 2 uncertain, 3 bad
+uint32 why
+uint32 sensors
+uint32 bad
+float64[3] force_g_n
+float64[3] torque_g_nm
+float64[3] sd_force_n
+float64[3] sd_torque_nm
+float32[3] gravity_g_m_s2
+float32 mass_kg
+uint32[16] sensor_quality
+float32[48] sensor_force_g_n      # three numbers a sensor
+float32[48] sensor_torque_g_nm
+float32[48] sensor_sd_force_n
+float32[48] sensor_sd_torque_nm
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+)";
+
 const std::string_view kQualityDefinition =
     R"(# Quality of the wrench of the same time. A BAD wrench has no numbers.
 builtin_interfaces/Time stamp
@@ -122,6 +148,28 @@ void encode_quality(const tactiled_sample& sample, std::uint64_t wall_ns, std::s
     cdr.put(sample.quality);
     cdr.put(sample.reasons);
     cdr.put(std::string_view(quality_text(sample.quality, sample.reasons)));
+}
+
+void encode_tool(const tactiled_tool& t, std::uint64_t wall_ns, std::string& out) {
+    CdrWriter cdr(out);
+    put_time(cdr, wall_ns);
+    cdr.put(t.t_ns), cdr.put(t.t_newest_ns);
+    cdr.put(t.quality), cdr.put(t.why), cdr.put(t.sensors), cdr.put(t.bad);
+    for (const auto* triple : {&t.force_G_N, &t.torque_G_Nm, &t.sd_force_N, &t.sd_torque_Nm})
+        for (const double number : *triple) cdr.put(number);
+    for (const float number : t.gravity_G_m_s2) cdr.put(number);
+    cdr.put(t.mass_kg);
+    for (const std::uint32_t quality : t.sensor_quality) cdr.put(quality);
+    for (const auto* all : {&t.sensor_force_G_N, &t.sensor_torque_G_Nm, &t.sensor_sd_force_N, &t.sensor_sd_torque_Nm})
+        for (const auto& triple : *all)
+            for (const float number : triple) cdr.put(number);
+}
+
+void encode_wrench(const tactiled_tool& tool, const std::string& frame_id, std::uint64_t wall_ns, std::string& out) {
+    tactiled_sample as_sample{};
+    std::copy_n(tool.force_G_N, 3, as_sample.force_S_N);
+    std::copy_n(tool.torque_G_Nm, 3, as_sample.torque_S_Nm);
+    encode_wrench(as_sample, frame_id, wall_ns, out);
 }
 
 Estimate estimate_of(const tactiled_sample& s) {

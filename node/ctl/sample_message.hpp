@@ -13,8 +13,9 @@ namespace tactiled::ctl {
 inline constexpr std::string_view kSampleSchema = "tactiled_msgs/msg/Sample";
 inline constexpr std::string_view kWrenchSchema = "geometry_msgs/msg/WrenchStamped";
 inline constexpr std::string_view kQualitySchema = "tactiled_msgs/msg/Quality";
-extern const std::string_view kSampleDefinition, kWrenchDefinition,
-    kQualityDefinition;                                   // in the format of ROS 2 message definitions
+inline constexpr std::string_view kToolSchema = "tactiled_msgs/msg/Tool";
+extern const std::string_view kSampleDefinition, kWrenchDefinition, kQualityDefinition,
+    kToolDefinition;                                      // in the format of ROS 2 message definitions
 inline constexpr std::string_view kSensorKey = "sensor";  // key of the sensor's name in the channel's metadata
 
 // The attachment with the daemon's configuration; the next attachment is the same file under its own path.
@@ -29,6 +30,9 @@ void encode_sample(const tactiled_sample& sample, std::uint64_t wall_ns, std::st
 void encode_wrench(const tactiled_sample& sample, const std::string& frame_id, std::uint64_t wall_ns, std::string& out);
 // Encodes quality and reasons of a sample as numbers and words, to be shown beside its wrench.
 void encode_quality(const tactiled_sample& sample, std::uint64_t wall_ns, std::string& out);
+// The wrench on the gripper: whole, and as a WrenchStamped of frame `frame_id`.
+void encode_tool(const tactiled_tool& tool, std::uint64_t wall_ns, std::string& out);
+void encode_wrench(const tactiled_tool& tool, const std::string& frame_id, std::uint64_t wall_ns, std::string& out);
 // Converts a sample to a row of forces.csv.
 [[nodiscard]] Estimate estimate_of(const tactiled_sample& sample);
 

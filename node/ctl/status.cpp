@@ -11,6 +11,7 @@
 #include "node/ctl/grasp_text.hpp"
 #include "node/ctl/liveness.hpp"
 #include "node/ctl/status_text.hpp"
+#include "node/ctl/tool_text.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/modbus/table.hpp"
 #include "tactiled/reader.hpp"
@@ -93,7 +94,7 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
                 out += fmt::format("  {} {}", kLinkCountNames[kind], count);
         out += '\n';
     }
-    return out + grasp_lines(segment, node.grasp);
+    return out + grasp_lines(segment, node.grasp) + tool_lines(node.tool);
 }
 
 struct Args {
@@ -156,6 +157,7 @@ nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot) {
                        {"lateness_us", lateness_json(segment.lateness())},
                        {"rt_degraded", (snapshot.node.status & TACTILED_RT_DEGRADED) != 0},
                        {"grasp", grasp_json(segment, snapshot.node.grasp)},
+                       {"tool", tool_json(segment, snapshot.node.tool)},
                        {"reload_refused", (snapshot.node.warning & TACTILED_WARN_RELOAD) != 0},
                        {"simulated", (snapshot.node.status & TACTILED_SIMULATED) != 0}};
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {

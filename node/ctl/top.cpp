@@ -12,6 +12,7 @@
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/grasp_text.hpp"
 #include "node/ctl/status_text.hpp"
+#include "node/ctl/tool_text.hpp"
 #include "node/ctl/verb.hpp"
 
 namespace tactiled::ctl {
@@ -59,7 +60,7 @@ std::string table(const Segment& segment, const Snapshot& snapshot) {
                                                sum(TACTILED_LINK_BAD_CHECKSUM) + sum(TACTILED_LINK_BAD_LENGTH) +
                                                    sum(TACTILED_LINK_BAD_VALUE),
                                                sum(TACTILED_LINK_SKIPPED), sum(TACTILED_LINK_RING_FULL)));
-    return out + grasp_lines(segment, node.grasp);
+    return out + grasp_lines(segment, node.grasp) + tool_lines(node.tool);
 }
 
 // Each line overwrites the old one: no flicker, and no rest of a longer line.

@@ -36,6 +36,8 @@ void add_tare(CLI::App& app, Run& run);
 void add_clear(CLI::App& app, Run& run);
 void add_weigh(CLI::App& app, Run& run);
 void add_teach(CLI::App& app, Run& run);
+void add_tool_fit(CLI::App& app, Run& run);
+void add_grasp_check(CLI::App& app, Run& run);
 void add_map(CLI::App& app, Run& run);
 void add_completion(CLI::App& app, Run& run);
 void add_doctor(CLI::App& app, Run& run);

@@ -75,6 +75,14 @@ std::uint16_t sensor_status(const tactiled_sample& s, bool beyond, std::uint16_t
     return std::uint16_t(bits);
 }
 
+bool has_value(std::uint32_t quality) noexcept { return quality == TACTILED_GOOD || quality == TACTILED_UNCERTAIN; }
+
+// STATUS of the wrench on the gripper: the low bits are those of tactiled_tool.why.
+std::uint32_t tool_status(std::uint32_t quality, std::uint32_t why) noexcept {
+    return (why & 0x7Fu) | (quality == TACTILED_GOOD ? 1u << 8 : 0u) | (quality == TACTILED_UNCERTAIN ? 1u << 9 : 0u) |
+           (has_value(quality) ? 0u : 1u << 15);
+}
+
 unsigned sensors_of(const View& view) noexcept { return view.segment != nullptr ? view.segment->n_sensors() : 0; }
 
 }  // namespace
@@ -100,6 +108,24 @@ void put_float(double value, bool low_word_first, std::uint16_t* out) noexcept {
     out[low_word_first ? 0 : 1] = std::uint16_t(bits & 0xFFFFu);
 }
 
+namespace {
+template <typename Number>
+void put_tool(const View& view, bool low_word_first, std::uint32_t status, bool valued, const Number (&force_N)[3],
+              const Number (&torque_Nm)[3], const Number (&sd_force_N)[3], const Number (&sd_torque_Nm)[3],
+              std::span<std::uint16_t, kToolFloatSize> out) noexcept {
+    std::fill(out.begin(), out.end(), std::uint16_t(0));
+    out[kToolFloatSeq] = out[kToolFloatSeqEnd] = std::uint16_t(view.snapshot.node.sequence);
+    out[kToolFloatStatus] = std::uint16_t(status);
+    const auto put = [&](unsigned at, Number value) { put_float(valued ? double(value) : kNaN, low_word_first, &out[at]); };
+    for (unsigned i = 0; i < 3; ++i) {
+        put(kToolFloatForce + 2 * i, force_N[i]);
+        put(kToolFloatTorque + 2 * i, torque_Nm[i]);
+        put(kToolFloatSdForce + 2 * i, sd_force_N[i]);
+        put(kToolFloatSdTorque + 2 * i, sd_torque_Nm[i]);
+    }
+}
+}  // namespace
+
 std::uint32_t i32_of(double value, double scale) noexcept {
     if (std::isnan(value)) return kNoI32;
     return std::uint32_t(std::int32_t(std::clamp(std::nearbyint(value / scale), -2147483647.0, 2147483647.0)));
@@ -123,6 +149,7 @@ std::uint32_t sensor_mask_of(const View& view) noexcept { return (1u << sensors_
 View view_of_nothing(std::uint32_t reason) noexcept {
     View view;
     tactiled_forget_grasp(&view.snapshot.node.grasp);
+    tactiled_forget_tool(&view.snapshot.node.tool);
     view.snapshot.taken_ns = monotonic_ns();
     for (auto& s : view.snapshot.sensor) tactiled_invalidate(&s, reason);
     return view;
@@ -224,6 +251,41 @@ void encode_doubts(const View& view, std::span<std::uint16_t, kDoubtsSize> out) 
     out[kDoubtsSeq] = out[kDoubtsSeqEnd] = std::uint16_t(view.snapshot.node.sequence);
     out[kWeightWhy] = std::uint16_t(g.weight_doubts);
     out[kWeightJaws] = std::uint16_t(g.doubtful);
+}
+
+void encode_tool(const View& view, std::span<std::uint16_t, kToolSize> out) noexcept {
+    std::fill(out.begin(), out.end(), std::uint16_t(0));
+    const tactiled_tool& t = view.snapshot.node.tool;
+    const bool valued = has_value(t.quality);
+    bool beyond = false, unused = false;
+    for (unsigned i = 0; i < 3; ++i) {
+        out[kToolForce + i] = i16_of(valued ? t.force_G_N[i] : kNaN, kForceUnit_N, beyond);
+        out[kToolTorque + i] = i16_of(valued ? t.torque_G_Nm[i] : kNaN, kTorque, beyond);
+        out[kToolSdForce + i] = u16_of(valued ? t.sd_force_N[i] : kNaN, kForceUnit_N, beyond);
+        out[kToolSdTorque + i] = u16_of(valued ? t.sd_torque_Nm[i] : kNaN, kTorque, beyond);
+    }
+    out[kToolSeq] = out[kToolSeqEnd] = std::uint16_t(view.snapshot.node.sequence);
+    out[kToolStatus] = std::uint16_t(tool_status(t.quality, t.why) | (beyond ? 1u << 10 : 0u));
+    out[kToolSensors] = std::uint16_t(t.sensors);
+    out[kToolNoValue] = std::uint16_t(t.bad);
+    tactiled_sample oldest{};
+    oldest.t_ns = t.t_ns;
+    out[kToolAgeMs] = t.quality == TACTILED_NO_VALUE ? kNoU16 : age_ms(oldest, view.snapshot.taken_ns);
+    out[kToolMass] = t.quality == TACTILED_NO_VALUE ? kNoU16 : u16_of(double(t.mass_kg), 10 * kMass_kg, unused);
+}
+
+void encode_tool_floats(const View& view, bool low_word_first, std::span<std::uint16_t, kToolFloatSize> out) noexcept {
+    const tactiled_tool& t = view.snapshot.node.tool;
+    put_tool(view, low_word_first, tool_status(t.quality, t.why), has_value(t.quality), t.force_G_N, t.torque_G_Nm,
+             t.sd_force_N, t.sd_torque_Nm, out);
+}
+
+void encode_tool_sensor(const View& view, unsigned index, bool low_word_first,
+                        std::span<std::uint16_t, kToolFloatSize> out) noexcept {
+    const tactiled_tool& t = view.snapshot.node.tool;
+    const std::uint32_t quality = index < sensors_of(view) ? t.sensor_quality[index] : std::uint32_t(TACTILED_NO_VALUE);
+    put_tool(view, low_word_first, tool_status(quality, 0), has_value(quality), t.sensor_force_G_N[index],
+             t.sensor_torque_G_Nm[index], t.sensor_sd_force_N[index], t.sensor_sd_torque_Nm[index], out);
 }
 
 void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kSensorSize> out) noexcept {

@@ -44,6 +44,11 @@ View view_of_nothing(std::uint32_t reason = TACTILED_DAEMON_STOPPED) noexcept;
 
 void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) noexcept;
 void encode_grasp(const View& view, std::span<std::uint16_t, kGraspSize> out) noexcept;
+void encode_tool(const View& view, std::span<std::uint16_t, kToolSize> out) noexcept;
+// The sum, or the part of sensor `index` of it.
+void encode_tool_floats(const View& view, bool low_word_first, std::span<std::uint16_t, kToolFloatSize> out) noexcept;
+void encode_tool_sensor(const View& view, unsigned index, bool low_word_first,
+                        std::span<std::uint16_t, kToolFloatSize> out) noexcept;
 void encode_doubts(const View& view, std::span<std::uint16_t, kDoubtsSize> out) noexcept;
 void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kSensorSize> out) noexcept;
 void encode_floats(const View& view, bool low_word_first, std::span<std::uint16_t, kFloatSize> out) noexcept;

@@ -100,6 +100,17 @@ constexpr Name kGripStates[] = {
     {TACTILED_GRIP_GRASPED, "grasped", "GRASPED"}, {TACTILED_GRIP_LIFTING, "lifting", "LIFTING"},
     {TACTILED_GRIP_HOLDING, "holding", "HOLDING"}, {TACTILED_GRIP_SLIPPING, "slipping", "SLIPPING"},
     {TACTILED_GRIP_LOST, "lost", "LOST"}};
+constexpr Name kToolBits[] = {{0, "gravity is not known: no value", "GRAVITY"},
+                              {1, "a sensor has no value: see NO_VALUE", "SENSOR"},
+                              {2, "gravity was not known at the tare of a sensor: no value; tare again, or untare", "TARE"},
+                              {3, "a sensor's value is uncertain", "DOUBTED"},
+                              {4, "the hand may accelerate, and the robot does not report it: in SD_FX ..", "MOVES"},
+                              {5, "a component of the torque is not seen", "TORQUE"},
+                              {6, "the sensors' frames are further apart than 50 ms", "APART"},
+                              {8, "the value is GOOD", "GOOD"},
+                              {9, "uncertain", "UNCERTAIN"},
+                              {10, "saturated: a register is at the end of its range", "RANGE"},
+                              {15, "no value", "NO_VALUE"}};
 constexpr Name kSlipStates[] = {{0, "none", "NONE"}, {1, "incipient", "INCIPIENT"}, {2, "gross", "GROSS"}};
 constexpr Name kWeightStates[] = {{0, "none", "NONE"},
                                   {1, "estimating", "ESTIMATING"},
@@ -156,6 +167,7 @@ std::span<const Name> names_of(std::string_view name) {
     if (name == "command.DIRECT_CMD") return kDirectCommands;
     if (name == "global.WEIGHT_STATE") return kWeightStates;
     if (name == "doubt.WEIGHT_WHY") return kDoubtBits;
+    if (name == "tool.STATUS" || name == "tool_float.STATUS") return kToolBits;
     if (name == "global.GRIP_STATE") return kGripStates;
     if (name == "sensor.SLIP_STATE") return kSlipStates;
     if (name == "sensor.STATUS" || name == "sensor_float.STATUS") return kSensorStatusBits;

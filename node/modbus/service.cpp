@@ -85,6 +85,9 @@ void Service::fill_registers(Run run, const View& view, const Session& session, 
                 break;
             case Block::commands: controls_.read_commands(session, block.first<kCommandsSize>()); break;
             case Block::grasp: encode_grasp(view, block.first<kGraspSize>()); break;
+            case Block::tool: encode_tool(view, block.first<kToolSize>()); break;
+            case Block::tool_floats: encode_tool_floats(view, area.low_word_first, block.first<kToolFloatSize>()); break;
+            case Block::tool_sensors: encode_tool_sensor(view, n, area.low_word_first, block.first<kToolFloatSize>()); break;
             case Block::doubts: encode_doubts(view, block.first<kDoubtsSize>()); break;
             case Block::sensor: encode_sensor(view, n, block.first<kSensorSize>()); break;
             case Block::floats: encode_floats(view, area.low_word_first, block.first<kFloatSize>()); break;

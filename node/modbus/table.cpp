@@ -64,6 +64,28 @@ constexpr Register kCommandsBlock[] = {
     {kDirectCount, "DIRECT_COUNT", Type::count, "", "one more with each of these commands"},
 };
 
+constexpr Register kToolBlock[] = {
+    {kToolSeq, "SEQ", Type::count, "", "number of the published frame, as in the global block"},
+    {kToolStatus, "STATUS", Type::bits, "", "state of this wrench, which is what the world exerts on the gripper"},
+    {kToolForce, "FX", Type::i16, "0.01 N", "force in G, less the weight of the hand: sum of all sensors of [tool]"},
+    {kToolForce + 1, "FY", Type::i16, "0.01 N", ""},
+    {kToolForce + 2, "FZ", Type::i16, "0.01 N", "z out of the palm"},
+    {kToolTorque, "TX", Type::i16, "0.001 Nm", "torque about the origin of G"},
+    {kToolTorque + 1, "TY", Type::i16, "0.001 Nm", ""},
+    {kToolTorque + 2, "TZ", Type::i16, "0.001 Nm", ""},
+    {kToolSdForce, "SD_FX", Type::u16, "0.01 N", "standard deviation of FX"},
+    {kToolSdForce + 1, "SD_FY", Type::u16, "0.01 N", ""},
+    {kToolSdForce + 2, "SD_FZ", Type::u16, "0.01 N", ""},
+    {kToolSdTorque, "SD_TX", Type::u16, "0.001 Nm", "standard deviation of TX"},
+    {kToolSdTorque + 1, "SD_TY", Type::u16, "0.001 Nm", ""},
+    {kToolSdTorque + 2, "SD_TZ", Type::u16, "0.001 Nm", ""},
+    {kToolSensors, "SENSORS", Type::mask, "", "the sensors of the sum"},
+    {kToolNoValue, "NO_VALUE", Type::mask, "", "sensors without a value: then the sum has none"},
+    {kToolAgeMs, "AGE_MS", Type::u16, "ms", "age of the oldest frame in the sum; 65534 = that or more"},
+    {kToolMass, "MASS", Type::u16, "1 g", "compensated mass of the hand"},
+    {kToolSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
+};
+
 constexpr Register kDoubtsBlock[] = {
     {kDoubtsSeq, "SEQ", Type::count, "", "number of the published frame, as in the global block"},
     {kWeightWhy, "WEIGHT_WHY", Type::bits, "", "why WEIGHT is not stable while an object is held; 0 where it is stable"},
@@ -119,6 +141,24 @@ constexpr Register kFloat[] = {
     {kFloatFrictionSd, "FRICTION_SD", Type::f32, "", "NaN where FRICTION is as configured"},
     {kFloatObjectProbability, "OBJECT_PROB", Type::f32, "", "probability 0 .. 1, as in the grasp block"},
     {kFloatSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
+};
+
+constexpr Register kToolFloat[] = {
+    {kToolFloatSeq, "SEQ", Type::count, "", "number of the published frame, as in the global block"},
+    {kToolFloatStatus, "STATUS", Type::bits, "", "see the block of the wrench"},
+    {kToolFloatForce, "FX", Type::f32, "N", "force in G, less the weight of the hand"},
+    {kToolFloatForce + 2, "FY", Type::f32, "N", ""},
+    {kToolFloatForce + 4, "FZ", Type::f32, "N", "z out of the palm"},
+    {kToolFloatTorque, "TX", Type::f32, "Nm", "torque about the origin of G"},
+    {kToolFloatTorque + 2, "TY", Type::f32, "Nm", ""},
+    {kToolFloatTorque + 4, "TZ", Type::f32, "Nm", ""},
+    {kToolFloatSdForce, "SD_FX", Type::f32, "N", "standard deviation of FX"},
+    {kToolFloatSdForce + 2, "SD_FY", Type::f32, "N", ""},
+    {kToolFloatSdForce + 4, "SD_FZ", Type::f32, "N", ""},
+    {kToolFloatSdTorque, "SD_TX", Type::f32, "Nm", "standard deviation of TX"},
+    {kToolFloatSdTorque + 2, "SD_TY", Type::f32, "Nm", ""},
+    {kToolFloatSdTorque + 4, "SD_TZ", Type::f32, "Nm", ""},
+    {kToolFloatSeqEnd, "SEQ_END", Type::count, "", "= SEQ"},
 };
 
 constexpr Register kSensorFloat[] = {
@@ -241,20 +281,30 @@ constexpr Register kControl[] = {
      {kSaveWord, kSaveWord}},
 };
 
+constexpr std::uint16_t kToolSensorsEnd = kToolFloatSize * kSensorBlocks;
 constexpr std::uint16_t kFloatsEnd = kSensorFloatSize * kSensorBlocks;
 constexpr Area kAreas[] = {
     {kGlobalAt, kGlobalSize, Block::global, 0, false, "Global block", "global", kGlobal},
     {kGraspAt, kGraspSize, Block::grasp, 0, false, "Grasp, further registers", "grasp", kGraspBlock},
     {kCommandsAt, kCommandsSize, Block::commands, 0, false, "Commands of this client, further registers", "command",
      kCommandsBlock},
+    {kToolAt, kToolSize, Block::tool, 0, false, "Wrench on the gripper", "tool", kToolBlock},
     {kDoubtsAt, kDoubtsSize, Block::doubts, 0, false, "Doubts of the weight", "doubt", kDoubtsBlock},
     {kSensorsAt, kSensorSize* kSensorBlocks, Block::sensor, kSensorSize, false, "Sensor blocks", "sensor", kSensor},
     {kFloatsAt, kFloatSize, Block::floats, 0, false, "Floats, high word first", "float", kFloat},
+    {kToolFloatsAt, kToolFloatSize, Block::tool_floats, 0, false, "Wrench on the gripper, high word first", "tool_float",
+     kToolFloat},
     {kSensorFloatsAt, kFloatsEnd, Block::sensor_floats, kSensorFloatSize, false, "Floats of sensors, high word first",
      "sensor_float", kSensorFloat},
+    {kToolSensorsAt, kToolSensorsEnd, Block::tool_sensors, kToolFloatSize, false,
+     "Parts of that wrench by sensor, high word first", "tool_float", kToolFloat},
     {kFloatsAt + kSwapped, kFloatSize, Block::floats, 0, true, "Floats, low word first", "float", kFloat},
+    {kToolFloatsAt + kSwapped, kToolFloatSize, Block::tool_floats, 0, true, "Wrench on the gripper, low word first",
+     "tool_float", kToolFloat},
     {kSensorFloatsAt + kSwapped, kFloatsEnd, Block::sensor_floats, kSensorFloatSize, true,
      "Floats of sensors, low word first", "sensor_float", kSensorFloat},
+    {kToolSensorsAt + kSwapped, kToolSensorsEnd, Block::tool_sensors, kToolFloatSize, true,
+     "Parts of that wrench by sensor, low word first", "tool_float", kToolFloat},
     {kControlsAt, kControlsSize, Block::controls, 0, false, "Commands and settings", "control", kControl},
     {kScratchAt, kScratchSize, Block::scratch, 0, false, "Scratch: free registers, to try a client", "scratch", {}},
     {kConstantsAt, kConstantsSize, Block::constants, 0, false, "Constants, to check base, sign and word order", "constant",

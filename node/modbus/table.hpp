@@ -7,7 +7,7 @@
 
 namespace tactiled::modbus {
 
-inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 5;
+inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 6;
 
 // "Not available" as in SunSpec; a measured value saturates one step before.
 inline constexpr std::uint16_t kNoI16 = 0x8000, kNoU16 = 0xFFFF;
@@ -38,6 +38,14 @@ enum Grasp : std::uint16_t {  // offsets from 40
 };
 enum Commands : std::uint16_t {  // offsets from 50
     kCmdRepeats = 0, kDirectCmd = 1, kDirectState = 2, kDirectResult = 3, kDirectCount = 4
+};
+enum Tool : std::uint16_t {  // offsets from 60
+    kToolSeq = 0, kToolStatus = 1, kToolForce = 2, kToolTorque = 5, kToolSdForce = 8, kToolSdTorque = 11, kToolSensors = 14, kToolNoValue = 15,
+    kToolAgeMs = 16, kToolMass = 17, kToolSeqEnd = 19
+};
+enum ToolFloat : std::uint16_t {  // offsets from 2030 and 2500
+    kToolFloatSeq = 0, kToolFloatStatus = 1, kToolFloatForce = 2, kToolFloatTorque = 8, kToolFloatSdForce = 14, kToolFloatSdTorque = 20,
+    kToolFloatSeqEnd = 26
 };
 enum Doubts : std::uint16_t {  // offsets from 80
     kDoubtsSeq = 0, kWeightWhy = 1, kWeightJaws = 2, kDoubtsSeqEnd = 7
@@ -70,9 +78,11 @@ enum CommandCode : std::uint16_t {
 inline constexpr std::uint16_t kGlobalAt = 0, kGlobalSize = 32;
 inline constexpr std::uint16_t kGraspAt = 40, kGraspSize = 8;
 inline constexpr std::uint16_t kCommandsAt = 50, kCommandsSize = 8;
+inline constexpr std::uint16_t kToolAt = 60, kToolSize = 20;
 inline constexpr std::uint16_t kDoubtsAt = 80, kDoubtsSize = 8;
 inline constexpr std::uint16_t kSensorsAt = 100, kSensorSize = 25, kSensorBlocks = 16;
 inline constexpr std::uint16_t kFloatsAt = 2000, kFloatSize = 26, kSensorFloatsAt = 2100, kSensorFloatSize = 25;
+inline constexpr std::uint16_t kToolFloatsAt = 2030, kToolFloatSize = 28, kToolSensorsAt = 2500;
 inline constexpr std::uint16_t kSwapped = 1000;  // from a float register to its copy with the low word first
 inline constexpr std::uint16_t kControlsAt = 5000, kControlsSize = 100, kScratchAt = 5100, kScratchSize = 128;
 inline constexpr std::uint16_t kConstantsAt = 9000, kConstantsSize = 12;
@@ -102,7 +112,21 @@ struct Name {
     std::string_view id{};  // part of a constant's name in PLC code; "" = no constant
 };
 
-enum class Block { global, grasp, commands, doubts, sensor, floats, sensor_floats, controls, scratch, constants };
+enum class Block {
+    global,
+    grasp,
+    commands,
+    tool,
+    doubts,
+    sensor,
+    floats,
+    tool_floats,
+    sensor_floats,
+    tool_sensors,
+    controls,
+    scratch,
+    constants
+};
 
 // A run of addresses that is readable as a whole; cells without an entry read 0.
 struct Area {

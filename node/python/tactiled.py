@@ -39,7 +39,7 @@ import sys
 import time
 import warnings
 
-MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 6
+MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 7
 MAX_SENSORS = MAX_LINKS = 16
 NAME_SIZE = 32  # including the terminating zero
 
@@ -128,9 +128,13 @@ _GRASP = _Struct(
     "t_ns:Q t_lift_off_ns:Q state:I weight_state:I grasps:I slips:I slip_mask:I slip_latch:I object_id:I scale_shown:I "
     "weight_kg:d weight_sd_kg:d grip_N:f recommended_grip_N:f friction:f friction_sd:f object_probability:f "
     "reserved_float:f object:32s slip_state:16H slip_count:16H friction_use:16f weight_doubts:I doubtful:I")
+_TOOL = _Struct(
+    "t_ns:Q t_newest_ns:Q quality:I why:I sensors:I bad:I force_G_N:3d torque_G_Nm:3d sd_force_N:3d sd_torque_Nm:3d "
+    "gravity_G_m_s2:3f mass_kg:f sensor_quality:16I sensor_force_G_N:48f sensor_torque_G_Nm:48f sensor_sd_force_N:48f "
+    "sensor_sd_torque_Nm:48f")
 _NODE = _Struct(
     "sequence:Q t_ns:Q cycles:Q missed_cycles:Q heartbeat:I status:I fault:I warning:I worst_cycle_us:I command:6I "
-    f"-:4x count:16Q grasp:{_GRASP.size}s")
+    f"-:4x count:16Q grasp:{_GRASP.size}s tool:{_TOOL.size}s")
 _NODE_SIZE_1_1 = 456
 _STATE_OFFSET = struct.calcsize("=" + "".join(code for _, code in _HEADER.fields[:-3]))
 _RELOADS_OFFSET = _STATE_OFFSET + 4
@@ -139,6 +143,7 @@ Header = collections.namedtuple("Header", _HEADER.names)
 SensorInfo = collections.namedtuple("SensorInfo", _SENSOR.names)
 NodeRecord = collections.namedtuple("NodeRecord", _NODE.names)
 Grasp = collections.namedtuple("Grasp", _GRASP.names)
+Tool = collections.namedtuple("Tool", _TOOL.names)  # sensor n: sensor_force_G_N[n] and so on are tuples of three
 Command = collections.namedtuple("Command", "acknowledged state result")
 
 
@@ -174,6 +179,20 @@ def _forgotten(grasp):
         state=GRIP_UNKNOWN, weight_state=WEIGHT_NONE, slip_mask=0, object_id=0, object="", weight_doubts=0, doubtful=0, weight_kg=math.nan,
         weight_sd_kg=math.nan, grip_N=math.nan, recommended_grip_N=math.nan, friction=math.nan, friction_sd=math.nan,
         object_probability=math.nan, slip_state=(SLIP_UNKNOWN,) * 16, friction_use=(math.nan,) * 16)
+
+
+def _tool(data):
+    tool = Tool._make(_TOOL.values(data, 0))
+    return tool._replace(**{name: tuple(values[i:i + 3] for i in range(0, 48, 3))
+                            for name, values in zip(tool._fields, tool) if name.startswith("sensor_") and len(values) == 48})
+
+
+def _forgotten_tool(tool):
+    def bad(quality):
+        return quality if quality == NO_VALUE else BAD
+    numbers = {name: (_NAN3,) * 16 if name.startswith("sensor_") else _NAN3
+               for name in tool._fields if name.endswith(("_N", "_Nm", "_m_s2"))}
+    return tool._replace(quality=bad(tool.quality), sensor_quality=tuple(map(bad, tool.sensor_quality)), **numbers)
 
 
 def _is_fresh(t_ns, now_ns, limit_ms):
@@ -399,13 +418,15 @@ class _Segment:
                 break
         return entry
 
-    def grasp(self, data, t_ns, now_ns):
-        """Returns the Grasp in a node record's bytes, judged. It is "not known" if the daemon has ended, if the
-        daemon publishes no grasp (before 1.1), or if the record is older than a sensor's stale_ms."""
-        grasp = Grasp._make(_GRASP.texts(data, 0))
+    def grasp_and_tool(self, grasp, tool, t_ns, now_ns):
+        """Returns the Grasp and the Tool in a node record's bytes, judged. They are "not known" if the daemon has ended, if the
+        daemon publishes none (before 1.1, 1.7), or if the record is older than a sensor's stale_ms."""
+        grasp, tool = Grasp._make(_GRASP.texts(grasp, 0)), _tool(tool)
         limit_ms = min([self.header.watchdog_ms, *(info.stale_ms for info, _ in self.sensors.values())])
         fresh = _is_fresh(t_ns, now_ns, max(limit_ms, _MIN_GRASP_MS))
-        return grasp if fresh and self.is_current() and self.header.node[3] >= _NODE_SIZE_1_1 else _forgotten(grasp)
+        if fresh and self.is_current() and self.header.node[3] >= _NODE_SIZE_1_1:
+            return grasp, tool
+        return _forgotten(grasp), _forgotten_tool(tool)
 
     def is_current(self):
         """False if the daemon has ended cleanly, a successor has taken over, or the file was truncated."""
@@ -542,7 +563,7 @@ class Node(_Attached):
         return sample
 
     def snapshot(self):
-        """Returns (node record, {name: sample}) of one instant; the record's `grasp` is a Grasp. Raises Error if
+        """Returns (node record, {name: sample}) of one instant; the record's `grasp` is a Grasp, its `tool` a Tool. Raises Error if
         there is none yet."""
         segment = self._now()
         for tries in range(_TRIES):
@@ -569,7 +590,7 @@ class Node(_Attached):
             for name, (info, _) in segment.sensors.items():
                 sample = _judged(samples[name], info.stale_ms, taken_ns)
                 samples[name] = sample if current else _invalidated(sample, DAEMON_STOPPED)
-            values[-1] = segment.grasp(values[-1], values[1], taken_ns)
+            values[-2:] = segment.grasp_and_tool(values[-2], values[-1], values[1], taken_ns)
             node = NodeRecord._make(values)
             self._stale = any(sample.reasons & (STALE | DAEMON_STOPPED) for sample in samples.values())
             return node, samples
@@ -579,6 +600,12 @@ class Node(_Attached):
     def grasp(self):
         """The present state of the gripper and its object: struct tactiled_grasp. Raises Error if there is none yet."""
         return self.snapshot()[0].grasp
+
+    @property
+    def tool(self):
+        """The force and torque of the world on the gripper, in its frame G: struct tactiled_tool. NO_VALUE without [tool] in the
+        daemon's configuration. Error when there is none yet."""
+        return self.snapshot()[0].tool
 
     def follow(self, sensor, timeout=None, wait="events", from_oldest=False):
         """Returns an iterator of the samples of a sensor, in order: see Follower.

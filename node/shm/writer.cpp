@@ -59,13 +59,19 @@ std::uint32_t frames_of(const SegmentPlan& plan) {
     return frames;
 }
 
+// A record that no [tool] fills ends before it, as that of an older daemon.
+std::size_t node_size_of(const SegmentPlan& plan) { return plan.tool ? sizeof(tactiled_node) : TACTILED_NODE_SIZE_1_6; }
+
+// A recording takes each of those that have a tool: 64 ms of a 4 kHz loop.
+std::uint32_t node_records_of(const SegmentPlan& plan) { return plan.tool ? 4 * kNodeRecords : kNodeRecords; }
+
 // Returns the size without the rings of frames.
 std::size_t size_of(const SegmentPlan& plan, std::uint32_t history) {
     const std::size_t sensors = plan.sensors.size();
     const std::size_t slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_sample));
-    const std::size_t node_slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_node));
+    const std::size_t node_slot = aligned(TACTILED_RECORD_OFFSET + node_size_of(plan));
     return sizeof(tactiled_header) + aligned(sizeof(tactiled_sensor) * sensors) + sizeof(tactiled_link) * plan.links.size() +
-           aligned(4 * TACTILED_LATENESS_BUCKETS) + kAlign * (sensors + 1) + node_slot * kNodeRecords +
+           aligned(4 * TACTILED_LATENESS_BUCKETS) + kAlign * (sensors + 1) + node_slot * node_records_of(plan) +
            slot * history * sensors;
 }
 
@@ -245,7 +251,7 @@ void SegmentWriter::lay_out(const SegmentPlan& plan, std::uint32_t epoch) {
             *reinterpret_cast<std::uint32_t*>(base_ + r.offset + std::size_t(i) * r.slot_size) = 1;
         return r;
     };
-    h.node = ring(sizeof(tactiled_node), kNodeRecords);
+    h.node = ring(node_size_of(plan), node_records_of(plan));
     auto* sensors = reinterpret_cast<tactiled_sensor*>(base_ + h.sensor_offset);
     for (std::size_t i = 0; i < plan.sensors.size(); ++i) {
         sensors[i] = plan.sensors[i];
@@ -275,7 +281,7 @@ void SegmentWriter::publish(std::uint32_t index, std::uint64_t number, const Fra
 }
 
 void SegmentWriter::publish(const tactiled_node& node) noexcept {
-    publish_record(base_, header().node, node.sequence, &node, sizeof node);
+    publish_record(base_, header().node, node.sequence, &node, header().node.record_size);
 }
 
 void SegmentWriter::count_lateness(std::uint64_t late_ns) noexcept {

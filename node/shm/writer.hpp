@@ -22,6 +22,7 @@ struct SegmentPlan {
     // slots per sensor, a power of two; 0: as many, up to 1024, as keep the segment within 1 MB
     std::uint32_t history = 0;
     std::uint32_t calibration_id = 0;
+    bool tool = false;  // the node records have a tool
     std::vector<tactiled_sensor> sensors;
     std::vector<tactiled_link> links;
 };

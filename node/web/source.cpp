@@ -68,6 +68,7 @@ const View& Source::tick() {
         view_.snapshot = Snapshot{};
         for (auto& sample : view_.snapshot.sensor) tactiled_invalidate(&sample, TACTILED_NO_DATA_YET);
         tactiled_forget_grasp(&view_.snapshot.node.grasp);
+        tactiled_forget_tool(&view_.snapshot.node.tool);
     } else if (!segment_.is_current()) {
         view_.why = "the daemon has ended";
     } else if (tactiled_is_fresh(view_.snapshot.node.t_ns, view_.taken_ns, segment_.header().watchdog_ms) == 0) {

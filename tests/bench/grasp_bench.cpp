@@ -4,8 +4,8 @@
 //   grasp_bench slip [SLIPS [SEED]]          gross slips found, incipient before gross
 //   grasp_bench transport [HOURS [SEED]]     false alarms of vibrating transport
 //   grasp_bench figure [SESSIONS [SEED]]     CSV of error against time after lift-off, and decoupling/grasp/weight.svg
-//   grasp_bench faults [GRASPS [SEED]]       damaged jaws, wrong set-ups, motion: STABLE although wrong; GRASPS of each kind
-//   grasp_bench faults-development [N [SEED]]   the same with the objects, presses and shares of development
+//   grasp_bench faults [GRASPS [SEED [JAWS]]]   damaged jaws, wrong set-ups, motion: STABLE although wrong; GRASPS of each
+//   kind grasp_bench faults-development [N [SEED]]   the same with the objects, presses and shares of development
 //   grasp_bench check                        a few of each against their limits; status 1 where one is not kept
 #include <fmt/format.h>
 
@@ -158,7 +158,7 @@ void print_transport(double hours, std::uint64_t seed) {
         }
 }
 
-void print_faults(int n, std::uint64_t seed, Objects objects) {
+void print_faults(int n, std::uint64_t seed, Objects objects, unsigned jaws) {
     fmt::print(
         "{} grasps of each kind, seed {}, {} objects\n\n| kind | STABLE and off by more than 4 sd, % | ever STABLE, % | "
         "lost "
@@ -166,7 +166,7 @@ void print_faults(int n, std::uint64_t seed, Objects objects) {
         "|\n|---|---|---|---|---|---|---|---|\n",
         n, seed, objects == Objects::judging ? "judging" : "development");
     for (const FaultKind& kind : fault_kinds()) {
-        const FaultFigures f = fault_figures(kind, n, seed, objects);
+        const FaultFigures f = fault_figures(kind, n, seed, objects, jaws);
         fmt::print("| {}{} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {:.1f} |\n", kind.name,
                    kind.forces_tell ? "" : " (forces cannot tell)", percent(f.wrong, f.n), percent(f.ever_stable, f.n),
                    percent(f.lost, f.ever_stable), percent(f.reported, f.n), percent(f.named, f.n), f.worst_sds,
@@ -267,7 +267,8 @@ int main(int argc, char** argv) {
         else if (mode == "figure")
             draw(n > 0 ? n : 10, seed);
         else if (mode == "faults" || mode == "faults-development")
-            print_faults(n > 0 ? n : 50, seed, mode == "faults" ? Objects::judging : Objects::development);
+            print_faults(n > 0 ? n : 50, seed, mode == "faults" ? Objects::judging : Objects::development,
+                         argc > 4 ? unsigned(std::atoi(argv[4])) : 0);
         else if (mode == "check")
             return check() ? 0 : 1;
         else

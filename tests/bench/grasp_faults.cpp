@@ -36,6 +36,13 @@ constexpr FaultKind kKinds[] = {
     {Fault::exchanged, "jaws exchanged", 0, true, true},
     {Fault::half_rate, "one jaw with half rate", 0, true, true},
     {Fault::late, "one jaw 300 ms late", 0, true, false},
+    {Fault::gain_drifts, "gain of one jaw drifts by 0.1 to 0.5 %/s", 0, true, true},
+    {Fault::stamped_late, "one jaw's sample time is 50 to 300 ms late", 0, true, true},
+    {Fault::leaks_mass, "the object leaks 1 to 5 % of its mass a second", 0, true, true},
+    {Fault::jaw_on_table, "one jaw is set on a table, 1 s after the lift", 0, true, true},
+    {Fault::second_object, "a second object of 5 to 100 % is added or lost", 0, true, true},
+    {Fault::upside_down, "gripper upside down, reported", 0, true, true},
+    {Fault::gravity_size, "gravity of a wrong magnitude", 0, true, true},
     {Fault::slow_lift, "steady acceleration of 0.3 to 1 m/s^2 for 3 s", 0, false, false},
     {Fault::cable, "a cable pulls along gravity with 5 to 40 % of the weight", 0, false, false},
     {Fault::table, "a table carries 5 to 40 % of the weight", 0, false, false},
@@ -82,10 +89,11 @@ Eigen::Matrix3d frame_of(std::size_t jaw, std::size_t jaws) {
     return S_from_G;
 }
 
-Plan plan_of(const FaultKind& kind, Random& random, Objects objects) {
+Plan plan_of(const FaultKind& kind, Random& random, Objects objects, unsigned n_jaws) {
     const bool judging = objects == Objects::judging;
     Plan p{};
-    const std::size_t jaws = kind.jaws != 0 ? kind.jaws : random.uniform(0, 1) < 0.5 ? 2 : 3;
+    const std::size_t either = random.uniform(0, 1) < 0.5 ? 2 : 3;
+    const std::size_t jaws = kind.jaws != 0 ? kind.jaws : n_jaws != 0 ? n_jaws : either;
     p.mass_kg = judging ? random.log_uniform(0.03, 3) : random.log_uniform(0.1, 0.6);
     const double weight_N = p.mass_kg * kGravity_m_s2, min_N = weight_N / double(jaws) / 0.6;
     p.press_N = min_N * (judging ? random.uniform(1.3, 7) : random.uniform(1.5, 4));
@@ -126,6 +134,17 @@ Plan plan_of(const FaultKind& kind, Random& random, Objects objects) {
         case Fault::swings_later:
             p.size = random.uniform(2, 4), p.frequency_Hz = random.uniform(0.7, 1.4), p.hold_s = 8;
             break;
+        case Fault::gain_drifts:
+            p.size = random.uniform(0.001, 0.005) * (random.uniform(0, 1) < 0.5 ? -1 : 1), p.hold_s = 20;
+            break;
+        case Fault::stamped_late: p.size = random.uniform(0.05, 0.3); break;
+        case Fault::leaks_mass: p.size = random.uniform(0.01, 0.05), p.hold_s = 8; break;
+        case Fault::jaw_on_table: p.size = random.uniform(0.1, 0.6); break;
+        case Fault::second_object: p.size = random.log_uniform(0.05, 1) * (random.uniform(0, 1) < 0.5 ? -0.9 : 1); break;
+        case Fault::upside_down: p.down_G *= -1; break;
+        case Fault::gravity_size:
+            p.size = random.uniform(0, 1) < 0.5 ? random.uniform(0.5, 0.97) : random.uniform(1.03, 1.5);
+            break;
         case Fault::slow_lift: p.size = random.uniform(0.3, 1); break;
         case Fault::cable:
         case Fault::table: p.size = random.uniform(0.05, 0.4); break;
@@ -134,6 +153,7 @@ Plan plan_of(const FaultKind& kind, Random& random, Objects objects) {
     return p;
 }
 
+constexpr double kMean_s = 0.1;  // the weight is a mean over so long
 constexpr double kFree_s = 0.6, kClosing_s = 0.2, kClamped_s = 0.3;
 constexpr double kLift_s = kFree_s + kClosing_s + kClamped_s;  // when the load begins to come
 
@@ -148,6 +168,14 @@ double up_m_s2(const Plan& p, Fault fault, double t_s) {
     return t_s > brakes_s && t_s < brakes_s + p.accelerates_s ? -p.acceleration_m_s2 : 0;
 }
 
+// What hangs on the jaws, kg.
+double mass_kg(const Plan& p, Fault fault, double t_s) {
+    const double since_s = t_s - kLift_s - p.transfer_s;
+    if (fault == Fault::leaks_mass) return p.mass_kg * (1 - p.size * std::clamp(since_s - p.begins_s, 0.0, 1e9));
+    if (fault == Fault::second_object && since_s > 1 + p.begins_s) return p.mass_kg * (1 + p.size);
+    return p.mass_kg;
+}
+
 // The force of the object on jaw j in its frame, N.
 Vector3 force_S(const Plan& p, std::size_t j, Fault fault, double t_s) {
     const Jaw& jaw = p.jaws[j];
@@ -156,7 +184,7 @@ Vector3 force_S(const Plan& p, std::size_t j, Fault fault, double t_s) {
     Vector3 down_G = p.down_G;
     if (fault == Fault::tilted && since_s > p.begins_s - 1)  // within 0.2 s; half of them before the lift
         down_G = Eigen::AngleAxisd(p.size * std::clamp((since_s - p.begins_s + 1) / 0.2, 0.0, 1.0), p.tilt_axis_G) * down_G;
-    double pull_N = loaded * p.mass_kg * (kGravity_m_s2 + up_m_s2(p, fault, since_s));
+    double pull_N = loaded * mass_kg(p, fault, t_s) * (kGravity_m_s2 + up_m_s2(p, fault, since_s));
     if (fault == Fault::cable) pull_N += loaded * p.size * p.mass_kg * kGravity_m_s2;
     if (fault == Fault::table) pull_N -= loaded * p.size * p.mass_kg * kGravity_m_s2;
     const Vector3 pull_S = jaw.S_from_G * down_G * pull_N;
@@ -164,9 +192,11 @@ Vector3 force_S(const Plan& p, std::size_t j, Fault fault, double t_s) {
     if (p.jaws.size() == 2)
         force = {jaw.share * pull_S.x(), jaw.share * pull_S.y(), pull_S.z() / 2};
     else
-        force = {pull_S.x() * 2 / (1 + kStiffer) / 3, jaw.share * pull_S.y(),
-                 pull_S.z() * 2 * kStiffer / (1 + kStiffer) / 3};
+        force = {pull_S.x() * 2 / (1 + kStiffer) / double(p.jaws.size()), jaw.share * pull_S.y(),
+                 pull_S.z() * 2 * kStiffer / (1 + kStiffer) / double(p.jaws.size())};
     force.z() -= closed * p.press_N;
+    if (fault == Fault::jaw_on_table && j == p.damaged)  // the table presses on the skin's edge, against gravity
+        force.y() += p.size * p.mass_kg * kGravity_m_s2 / double(p.jaws.size()) * std::clamp((since_s - 1) / 0.1, 0.0, 1.0);
     return force;
 }
 
@@ -182,7 +212,8 @@ Vector3 measured_S(const Plan& p, std::size_t j, Fault fault, double t_s, Random
     if (damaged && fault == Fault::reversed) f.head<2>() *= -1;
     if (damaged && fault == Fault::turned_90) f.head<2>() = Eigen::Vector2d(-f.y(), f.x());
     if (damaged && fault == Fault::half_gain) f *= p.size;
-    if (damaged && fault == Fault::gain_creeps) f *= 1 + p.size * std::max(0.0, t_s - kFree_s);
+    if (damaged && (fault == Fault::gain_creeps || fault == Fault::gain_drifts))
+        f *= 1 + p.size * std::max(0.0, t_s - kFree_s);
     if (fault == Fault::both_zeros_drift || (damaged && fault == Fault::zero_drifts))
         f.y() += p.size * std::max(0.0, t_s - kFree_s);
     f += jaw.zero_N + Vector3::Constant(jaw.drift_N_s * t_s);
@@ -192,7 +223,8 @@ Vector3 measured_S(const Plan& p, std::size_t j, Fault fault, double t_s, Random
 
 grasp::Setup setup_of(const Plan& p, Fault fault) {
     grasp::Setup setup;
-    const double g = fault == Fault::gravity_reversed ? -kGravity_m_s2 : kGravity_m_s2;
+    double g = fault == Fault::gravity_reversed ? -kGravity_m_s2 : kGravity_m_s2;
+    if (fault == Fault::gravity_size) g *= p.size;
     setup.gravity_G = {g * p.down_G.x(), g * p.down_G.y(), g * p.down_G.z()};
     setup.lift_accelerates_ms = p.told_accelerates_ms;
     for (std::size_t j = 0; j < p.jaws.size(); ++j) {
@@ -208,8 +240,8 @@ grasp::Setup setup_of(const Plan& p, Fault fault) {
     return setup;
 }
 
-void one_grasp(const FaultKind& kind, Random& random, Objects objects, FaultFigures& figures) {
-    const Plan p = plan_of(kind, random, objects);
+void one_grasp(const FaultKind& kind, Random& random, Objects objects, unsigned jaws, FaultFigures& figures) {
+    const Plan p = plan_of(kind, random, objects, jaws);
     grasp::Grasp grasp(setup_of(p, kind.fault));
     bool wrong = false, stable = false, ever = false, reported = false, named = false;
     const auto steps = std::size_t((kLift_s + p.transfer_s + p.hold_s) * p.rate_Hz);
@@ -220,6 +252,7 @@ void one_grasp(const FaultKind& kind, Random& random, Objects objects, FaultFigu
             const Vector3 f = measured_S(p, j, kind.fault, t_s, random);
             const double press_N = std::max(0.0, -(f.z() - p.jaws[j].zero_N.z()));
             grasp::JawSample s{.t_ns = 1'000'000'000 + std::uint64_t(t_s * 1e9), .quality = TACTILED_GOOD, .reasons = 0};
+            if (kind.fault == Fault::stamped_late && j == p.damaged) s.t_ns -= std::uint64_t(p.size * 1e9);
             for (int k = 0; k < 3; ++k) {
                 s.force_S_N[std::size_t(k)] = f[k];
                 s.sd_N[std::size_t(k)] = std::hypot(k == 2 ? 0.011 * press_N : 0.005 * press_N, p.jaws[j].noise_N);
@@ -234,7 +267,9 @@ void one_grasp(const FaultKind& kind, Random& random, Objects objects, FaultFigu
             named |= (g.doubtful >> p.damaged & 1u) != 0;
         }
         if (!stable) continue;
-        const double error_kg = std::abs(g.weight_kg - p.mass_kg), sds = error_kg / g.weight_sd_kg;
+        const double error_kg = std::min(std::abs(g.weight_kg - mass_kg(p, kind.fault, t_s)),
+                                         std::abs(g.weight_kg - mass_kg(p, kind.fault, t_s - kMean_s))),
+                     sds = error_kg / g.weight_sd_kg;
         wrong |= sds > 4;
         if (sds > figures.worst_sds) figures.worst_sds = sds;
         figures.worst_error = std::max(figures.worst_error, error_kg / p.mass_kg);
@@ -251,10 +286,10 @@ void one_grasp(const FaultKind& kind, Random& random, Objects objects, FaultFigu
 
 std::span<const FaultKind> fault_kinds() { return kKinds; }
 
-FaultFigures fault_figures(const FaultKind& kind, int n, std::uint64_t seed, Objects objects) {
+FaultFigures fault_figures(const FaultKind& kind, int n, std::uint64_t seed, Objects objects, unsigned jaws) {
     Random random(seed * 101 + std::uint64_t(kind.fault) * 7 + kind.jaws);
     FaultFigures figures;
-    for (int i = 0; i < n; ++i) one_grasp(kind, random, objects, figures);
+    for (int i = 0; i < n; ++i) one_grasp(kind, random, objects, jaws, figures);
     return figures;
 }
 

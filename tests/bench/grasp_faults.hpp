@@ -24,7 +24,15 @@ enum class Fault {
     late,
     slow_lift,
     cable,
-    table
+    table,
+    // Causes that the checks were not designed for:
+    gain_drifts,
+    stamped_late,
+    leaks_mass,
+    jaw_on_table,
+    second_object,
+    upside_down,
+    gravity_size
 };
 
 struct FaultKind {
@@ -50,7 +58,8 @@ struct FaultFigures {
 // The objects, presses and shares of development; those that judge are other ones, of a wider range.
 enum class Objects { development, judging };
 
-// `n` random grasps of one kind. Deterministic by `seed`.
-FaultFigures fault_figures(const FaultKind& kind, int n, std::uint64_t seed, Objects objects);
+// `n` random grasps of one kind, of hands with `jaws` jaws where the kind does not say it; 0: two or three. Deterministic by
+// `seed`.
+FaultFigures fault_figures(const FaultKind& kind, int n, std::uint64_t seed, Objects objects, unsigned jaws = 0);
 
 }  // namespace tactiled::bench

@@ -16,7 +16,7 @@ import unittest
 from daemon import BIN, ROOT, Daemon, run_folder, wait_for
 from unit_daemon import CALIBRATION, CONFIG, play, quality_is, unit_daemon
 
-VERBS = ["status", "top", "read", "record", "replay", "tare", "clear", "weigh", "teach", "map", "check", "completion", "doctor",
+VERBS = ["status", "top", "read", "record", "replay", "tare", "clear", "weigh", "teach", "tool-fit", "grasp-check", "map", "check", "completion", "doctor",
          "calibrate", "capture", "decouple", "identify", "play", "simulate", "tradeoff"]
 
 

@@ -38,7 +38,7 @@ class Verbs(unittest.TestCase):
         groups = verbs_of_help(BIN / "tactilectl")
         self.assertEqual([verbs for group, verbs in groups.items() if "tactiled-lab" in group], [LABORATORY])
         self.assertEqual(groups["Subcommands"],
-                         ["status", "top", "read", "record", "replay", "tare", "clear", "weigh", "teach", "map", "check", "completion", "doctor"])
+                         ["status", "top", "read", "record", "replay", "tare", "clear", "weigh", "teach", "tool-fit", "grasp-check", "map", "check", "completion", "doctor"])
         for verb in groups["Subcommands"] + LABORATORY:
             for words in ((verb, "--help"), ("--help", verb)):
                 done = subprocess.run([BIN / "tactilectl", *words], capture_output=True, text=True)

@@ -1,5 +1,5 @@
 /* Defines the shared-memory segment of tactiled, the file tactiled.NAME in the daemon's run-time folder
- * (folder.h), for C11 and C++17. Version 1.6.
+ * (folder.h), for C11 and C++17. Version 1.7.
  *
  * The file has one header, a directory of sensors, a directory of links, one ring of node records, and one ring
  * of samples for each sensor. Only the daemon writes the file. Readers map it read-only, do not register, and
@@ -36,7 +36,7 @@ extern "C" {
 #define TACTILED_MAGIC "TACTILED" /* 8 bytes, no terminator */
 #define TACTILED_BYTE_ORDER 0x01020304u
 #define TACTILED_MAJOR 1
-#define TACTILED_MINOR 6
+#define TACTILED_MINOR 7
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
 #define TACTILED_MAX_CHANNELS 32 /* in a frame */
@@ -273,6 +273,60 @@ static inline void tactiled_forget_grasp(struct tactiled_grasp* grasp) {
     }
 }
 
+/* Why the wrench of the gripper has no value, or a weakness: bits of tactiled_tool.why. Since 1.7. */
+enum tactiled_tool_why {
+    TACTILED_TOOL_GRAVITY =
+        1 << 0, /* no value: the direction of gravity is not known, and a sensor carries a part of the hand */
+    TACTILED_TOOL_SENSOR = 1 << 1,  /* no value: a sensor has none */
+    TACTILED_TOOL_TARE = 1 << 2,    /* no value: gravity was not known when a sensor was tared; tare again, or untare */
+    TACTILED_TOOL_DOUBTED = 1 << 3, /* uncertain: a sensor's value is */
+    TACTILED_TOOL_MOVES = 1 << 4,   /* the hand may accelerate, and nothing reports it: in the standard deviation */
+    TACTILED_TOOL_TORQUE = 1 << 5,  /* the torque has a component that a sensor cannot see: NaN */
+    TACTILED_TOOL_APART = 1 << 6    /* uncertain: the sensors' samples are further apart in time than 50 ms */
+};
+
+/* The force and torque of the world on the gripper, in its frame G (z out of the palm): the forces of all sensors of [tool],
+ * turned, less the weight of the part of the hand that each carries, and their sum. Torques are about the origin of G. All
+ * NaN where quality is TACTILED_BAD; a component that is not seen is NaN. Without [tool] quality is TACTILED_NO_VALUE.
+ * Since 1.7. */
+struct tactiled_tool {
+    TACTILED_ALIGN(8) uint64_t t_ns; /* time of the oldest sample in the sum */
+    TACTILED_ALIGN(8) uint64_t t_newest_ns;
+    uint32_t quality; /* enum tactiled_quality, of the sum */
+    uint32_t why;     /* enum tactiled_tool_why */
+    uint32_t sensors; /* bit n = sensor n: is part of the sum */
+    uint32_t bad;     /* bit n = sensor n: has no value, and so the sum has none */
+    TACTILED_ALIGN(8) double force_G_N[3];
+    TACTILED_ALIGN(8) double torque_G_Nm[3];
+    TACTILED_ALIGN(8) double sd_force_N[3];
+    TACTILED_ALIGN(8) double sd_torque_Nm[3];
+    float gravity_G_m_s2[3];                       /* reported or configured; NaN = not known */
+    float mass_kg;                                 /* mass of the hand that is compensated, all sensors */
+    uint32_t sensor_quality[TACTILED_MAX_SENSORS]; /* enum tactiled_quality, of the following, by sensor of the node */
+    float sensor_force_G_N[TACTILED_MAX_SENSORS][3];
+    float sensor_torque_G_Nm[TACTILED_MAX_SENSORS][3];
+    float sensor_sd_force_N[TACTILED_MAX_SENSORS][3];
+    float sensor_sd_torque_Nm[TACTILED_MAX_SENSORS][3];
+};
+
+/* Makes a wrench "not known", so that an old one cannot pass for a new one. */
+static inline void tactiled_forget_tool(struct tactiled_tool* tool) {
+    const uint64_t nan_bits = 0x7FF8000000000000u;
+    double nan_value;
+    int i, k;
+    memcpy(&nan_value, &nan_bits, sizeof nan_value);
+    if (tool->quality != TACTILED_NO_VALUE) tool->quality = TACTILED_BAD;
+    for (k = 0; k < 3; ++k) {
+        tool->force_G_N[k] = tool->torque_G_Nm[k] = tool->sd_force_N[k] = tool->sd_torque_Nm[k] = nan_value;
+        tool->gravity_G_m_s2[k] = (float)nan_value;
+        for (i = 0; i < TACTILED_MAX_SENSORS; ++i)
+            tool->sensor_force_G_N[i][k] = tool->sensor_torque_G_Nm[i][k] = tool->sensor_sd_force_N[i][k] =
+                tool->sensor_sd_torque_Nm[i][k] = (float)nan_value;
+    }
+    for (i = 0; i < TACTILED_MAX_SENSORS; ++i)
+        if (tool->sensor_quality[i] != TACTILED_NO_VALUE) tool->sensor_quality[i] = TACTILED_BAD;
+}
+
 /* One published record of the whole node. It says which samples of the sensors belong together. */
 struct tactiled_node {
     TACTILED_ALIGN(8) uint64_t sequence;      /* number of the record, from 0 */
@@ -287,8 +341,10 @@ struct tactiled_node {
     struct tactiled_command command[TACTILED_COMMANDERS];
     TACTILED_ALIGN(8) uint64_t count[TACTILED_MAX_SENSORS]; /* number of samples of each sensor: the newest is count - 1 */
     struct tactiled_grasp grasp;                            /* since 1.1; reads as 0 with an older daemon */
+    struct tactiled_tool tool; /* since 1.7; reads as 0 with an older daemon, and without [tool] */
 };
 #define TACTILED_NODE_SIZE_1_1 456u /* size of a record that has a grasp */
+#define TACTILED_NODE_SIZE_1_6 464u /* size of a record without a tool */
 
 enum tactiled_command_state {
     TACTILED_COMMAND_IDLE = 0,
@@ -473,7 +529,8 @@ static inline uint32_t tactiled_lateness_bucket(uint64_t ns) {
 
 TACTILED_ASSERT(sizeof(struct tactiled_sample) == 240);
 TACTILED_ASSERT(sizeof(struct tactiled_grasp) == 256);
-TACTILED_ASSERT(sizeof(struct tactiled_node) == 464);
+TACTILED_ASSERT(sizeof(struct tactiled_tool) == 976);
+TACTILED_ASSERT(sizeof(struct tactiled_node) == 1440);
 TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 548);
 TACTILED_ASSERT(sizeof(struct tactiled_link) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_frame) == 296);

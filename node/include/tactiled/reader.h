@@ -183,7 +183,7 @@ static inline void tactiled_close(struct tactiled_segment* segment) {
     segment->base = NULL;
 }
 
-/* Copies the newest node record, judged at `now_ns`. Its grasp is "not known" if the daemon has ended, if the
+/* Copies the newest node record, judged at `now_ns`. Its grasp and its tool are "not known" if the daemon has ended, if the
  * daemon publishes no grasp (before 1.1), or if the record is older than a sensor's stale_ms, because the grasp
  * then does not reflect that its sensors are silent. Returns 1, or 0 if there is no record. */
 static inline int tactiled_latest_node(const struct tactiled_segment* segment, struct tactiled_node* node, uint64_t now_ns) {
@@ -194,8 +194,10 @@ static inline int tactiled_latest_node(const struct tactiled_segment* segment, s
         if (segment->stale_ms[i] < limit_ms) limit_ms = segment->stale_ms[i];
     if (limit_ms < kMinMs) limit_ms = kMinMs;
     if (segment->node.record_size < TACTILED_NODE_SIZE_1_1 || !tactiled_is_current(segment) ||
-        !tactiled_is_fresh(node->t_ns, now_ns, limit_ms))
+        !tactiled_is_fresh(node->t_ns, now_ns, limit_ms)) {
         tactiled_forget_grasp(&node->grasp);
+        tactiled_forget_tool(&node->tool);
+    }
     return 1;
 }
 

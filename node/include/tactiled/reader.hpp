@@ -76,7 +76,7 @@ public:
     bool latest(std::uint32_t index, tactiled_sample& sample, std::uint64_t now_ns = monotonic_ns()) const noexcept {
         return tactiled_latest(c_, index, &sample, now_ns) != 0;
     }
-    // Copies the newest node record; its grasp is judged at `now_ns`. Returns false if there is none.
+    // Copies the newest node record; its grasp and its tool are judged at `now_ns`. Returns false if there is none.
     bool latest_node(tactiled_node& node, std::uint64_t now_ns = monotonic_ns()) const noexcept {
         return tactiled_latest_node(c_, &node, now_ns) != 0;
     }
@@ -103,6 +103,7 @@ public:
                 if (!current) tactiled_invalidate(&out.sensor[i], TACTILED_DAEMON_STOPPED);
             }
             if (!current) tactiled_forget_grasp(&out.node.grasp);
+            if (!current) tactiled_forget_tool(&out.node.tool);
             for (std::uint32_t i = n_sensors(); i < TACTILED_MAX_SENSORS; ++i) out.sensor[i] = tactiled_sample{};
             return true;
         }

@@ -71,7 +71,7 @@ TEST(Keys, AreUniqueAndExplained) {
             EXPECT_NE(key.name.find("_" + std::string(key.unit == "Hz" ? "hz" : key.unit)), std::string::npos) << key.name;
         }
     });
-    EXPECT_EQ(seen.size(), 79u);
+    EXPECT_EQ(seen.size(), 94u);
 }
 
 TEST(Keys, AValueOfAnotherTypeIsAnErrorOfThatKey) {

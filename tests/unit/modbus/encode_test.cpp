@@ -45,6 +45,10 @@ TEST(RegisterMap, AreasHoldWholeRequestsOnly) {
     EXPECT_EQ(area_of(65535, 125), nullptr);  // does not wrap
     EXPECT_NE(area_of(2100, 125), nullptr);
     EXPECT_EQ(area_of(2026, 1), nullptr);
+    EXPECT_NE(area_of(60, 20), nullptr);
+    EXPECT_NE(area_of(2030, 28), nullptr);
+    EXPECT_NE(area_of(2500, 112), nullptr);  // four sensors at once
+    EXPECT_EQ(area_of(2948, 1), nullptr);
     EXPECT_EQ(area_of(5090, 20), nullptr);  // from the controls into scratch
 }
 

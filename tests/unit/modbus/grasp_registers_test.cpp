@@ -131,6 +131,62 @@ TEST_F(GraspRegisters, TheDoubtsSayWhyAWeightIsNotStableAndOfWhichJaw) {
     EXPECT_EQ(d[kWeightWhy], 0);
 }
 
+TEST_F(GraspRegisters, WithoutAToolItsWrenchIsNotAvailable) {
+    std::array<std::uint16_t, kToolSize> t{};
+    encode_tool(view_of(segment_), t);
+    EXPECT_EQ(t[kToolStatus], 1u << 15);
+    for (unsigned i = 0; i < 6; ++i) {
+        EXPECT_EQ(t[kToolForce + i], kNoI16);
+        EXPECT_EQ(t[kToolSdForce + i], kNoU16);
+    }
+    EXPECT_EQ(t[kToolAgeMs], kNoU16);
+    EXPECT_EQ(t[kToolMass], kNoU16);
+}
+
+TEST(ToolRegisters, ShowTheWrenchItsDeviationAndWhyThereIsNone) {
+    View view = view_of_nothing();
+    tactiled_tool& tool = view.snapshot.node.tool;
+    view.snapshot.node.sequence = 77;
+    tool.t_ns = view.snapshot.taken_ns - 12'000'000;
+    tool.quality = tool.sensor_quality[1] = TACTILED_UNCERTAIN;
+    tool.why = TACTILED_TOOL_DOUBTED | TACTILED_TOOL_MOVES;
+    tool.sensors = 3;
+    tool.bad = 0;
+    tool.mass_kg = 0.8f;
+    for (int k = 0; k < 3; ++k) {
+        tool.force_G_N[k] = 1.5 - 2 * k;
+        tool.torque_G_Nm[k] = 0.02 * k;
+        tool.sd_force_N[k] = 0.07;
+        tool.sd_torque_Nm[k] = 0.003;
+        tool.sensor_force_G_N[1][k] = float(k);
+    }
+    tool.force_G_N[2] = -400;
+    std::array<std::uint16_t, kToolSize> t{};
+    encode_tool(view, t);
+    EXPECT_EQ(t[kToolSeq], 77);
+    EXPECT_EQ(t[kToolSeqEnd], 77);
+    EXPECT_EQ(t[kToolStatus], TACTILED_TOOL_DOUBTED | TACTILED_TOOL_MOVES | 1u << 9 | 1u << 10);
+    EXPECT_EQ(t[kToolForce], 150);
+    EXPECT_EQ(std::int16_t(t[kToolForce + 1]), -50);
+    EXPECT_EQ(std::int16_t(t[kToolForce + 2]), -32767);  // saturates
+    EXPECT_EQ(t[kToolTorque + 2], 40);
+    EXPECT_EQ(t[kToolSdForce], 7);
+    EXPECT_EQ(t[kToolSdTorque], 3);
+    EXPECT_EQ(t[kToolSensors], 3);
+    EXPECT_EQ(t[kToolAgeMs], 12);
+    EXPECT_EQ(t[kToolMass], 800);
+    std::array<std::uint16_t, kToolFloatSize> f{};
+    encode_tool_floats(view, false, f);
+    EXPECT_EQ(f[kToolFloatForce], std::bit_cast<std::uint32_t>(1.5f) >> 16);
+    encode_tool_sensor(view, 1, true, f);
+    EXPECT_EQ(f[kToolFloatStatus], 1u << 15);  // there is no segment, and so no sensor
+    tool.quality = TACTILED_BAD;               // whatever its numbers are
+    tool.why = TACTILED_TOOL_GRAVITY;
+    encode_tool(view, t);
+    EXPECT_EQ(t[kToolStatus], TACTILED_TOOL_GRAVITY | 1u << 15);
+    for (unsigned i = 0; i < 6; ++i) EXPECT_EQ(t[kToolForce + i], kNoI16);
+}
+
 TEST_F(GraspRegisters, ASensorBlockTellsItsOwnSlip) {
     EXPECT_EQ(sensor(0)[kSensorStatus] >> 2 & 3, 1);  // incipient
     EXPECT_EQ(sensor(1)[kSensorStatus] >> 2 & 3, 2);  // gross

@@ -1,0 +1,272 @@
+#include "decoupling/tool/tool.hpp"
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+namespace tactiled::tool {
+namespace {
+
+constexpr std::uint64_t kFresh_ns = 100'000'000;  // an acceleration that was told
+constexpr std::uint64_t kApart_ns = 50'000'000;   // samples of one sum
+constexpr double kMinG_m_s2 = 9.69,
+                 kMaxG_m_s2 = 9.91;                // on Earth, and rounding: another length is another unit, or no gravity
+constexpr double kNoPart = 1e-6;                   // part of an axis: rounding of a rotation
+constexpr double kSteady_sds = 4, kSteady = 0.02;  // times the sensor's noise; part of the weight that it carries
+
+using Vector3 = Eigen::Vector3d;
+
+Vector3 eigen(const Vector& v) noexcept { return {v[0], v[1], v[2]}; }
+
+// Turns v_S into v_G, with NaN only where a component that is not seen takes part.
+Vector3 to_G(const std::array<Vector, 3>& S_from_G, const Vector3& v_S) noexcept {
+    Vector3 v_G = Vector3::Zero();
+    for (std::size_t k = 0; k < 3; ++k)
+        for (std::size_t i = 0; i < 3; ++i)
+            if (std::abs(S_from_G[k][i]) > kNoPart) v_G[Eigen::Index(i)] += S_from_G[k][i] * v_S[Eigen::Index(k)];
+    return v_G;
+}
+
+Vector3 to_S(const std::array<Vector, 3>& S_from_G, const Vector3& v_G) noexcept {
+    Vector3 v_S;
+    for (std::size_t k = 0; k < 3; ++k) v_S[Eigen::Index(k)] = eigen(S_from_G[k]).dot(v_G);
+    return v_S;
+}
+
+// Standard deviation of to_G(v_S) where the components of v_S err independently.
+Vector3 sd_to_G(const std::array<Vector, 3>& S_from_G, const Vector3& sd_S) noexcept {
+    Vector3 variance = Vector3::Zero();
+    for (std::size_t k = 0; k < 3; ++k)
+        for (std::size_t i = 0; i < 3; ++i)
+            if (std::abs(S_from_G[k][i]) > kNoPart) {
+                const double part = S_from_G[k][i] * sd_S[Eigen::Index(k)];
+                variance[Eigen::Index(i)] += part * part;
+            }
+    return variance.cwiseSqrt();
+}
+
+Vector3 cross_sd(const Vector3& arm, const Vector3& sd) noexcept {  // sd of arm x force
+    return {std::hypot(arm.y() * sd.z(), arm.z() * sd.y()), std::hypot(arm.z() * sd.x(), arm.x() * sd.z()),
+            std::hypot(arm.x() * sd.y(), arm.y() * sd.x())};
+}
+
+// arm x force, with NaN only where a force that is not seen takes part.
+Vector3 cross(const Vector3& arm, const Vector3& f) noexcept {
+    const auto times = [](double a, double b) { return std::abs(a) > 0 ? a * b : 0.0; };
+    return {times(arm.y(), f.z()) - times(arm.z(), f.y()), times(arm.z(), f.x()) - times(arm.x(), f.z()),
+            times(arm.x(), f.y()) - times(arm.y(), f.x())};
+}
+
+bool is_known(const Vector& v) noexcept { return std::isfinite(v[0] + v[1] + v[2]); }
+
+}  // namespace
+
+Tool::Tool(const Setup& setup)
+    : gravity_G_(setup.gravity_G_m_s2),
+      max_acceleration_m_s2_(setup.acceleration_m_s2),
+      accelerates_ns_(std::uint64_t(setup.accelerates_ms * 1e6)) {
+    assert(setup.sensors.size() <= TACTILED_MAX_SENSORS);
+    for (const SensorSetup& s : setup.sensors) {
+        assert(s.sensor < TACTILED_MAX_SENSORS);
+        sensors_.push_back({.setup = s});
+    }
+    rest_S_N_.assign(sensors_.size(), Vector{kNaN, kNaN, kNaN});
+    gravity_known_ = eigen(gravity_G_).norm() > kMinG_m_s2 && eigen(gravity_G_).norm() < kMaxG_m_s2;
+}
+
+void Tool::gravity(const Vector& gravity_G_m_s2) noexcept {
+    const double size = eigen(gravity_G_m_s2).norm();
+    const bool known = size > kMinG_m_s2 && size < kMaxG_m_s2;  // false for NaN
+    const bool same = known && gravity_known_ && (eigen(gravity_G_m_s2) - eigen(gravity_G_)).norm() < kDown_rad * size;
+    if (!same) {
+        ++gravity_changes_;
+        for (Sensor& sensor : sensors_)
+            if (sensor.tare_assumed) sensor.tare_gravity_G = {kNaN, kNaN, kNaN};
+    }
+    for (Sensor& sensor : sensors_) sensor.tare_assumed = false;
+    gravity_told_ = true;
+    gravity_known_ = known;
+    gravity_G_ = gravity_G_m_s2;
+}
+
+void Tool::acceleration(const Vector& acceleration_G_m_s2, std::uint64_t t_ns) noexcept {
+    acceleration_reported_ = eigen(acceleration_G_m_s2).norm() < 1000;  // false for NaN
+    if (acceleration_reported_) acceleration_G_ = acceleration_G_m_s2;
+    acceleration_ns_ = t_ns;
+}
+
+bool Tool::reports_acceleration() const noexcept {
+    return acceleration_reported_ && t_ns_ < acceleration_ns_ + kFresh_ns && acceleration_ns_ < t_ns_ + kFresh_ns;
+}
+
+// The zero of a tare contains the weight of the hand as it hung then.
+void Tool::sample(std::size_t index, const Sample& sample) noexcept {
+    if (index >= sensors_.size()) return;
+    Sensor& sensor = sensors_[index];
+    if (sample.taring && !sensor.last.taring) sensor.changes_before = gravity_changes_;
+    const bool another_tare =
+        sample.tare_count != sensor.last.tare_count || (sample.tare_count != 0 && sample.tare_S != sensor.last.tare_S);
+    if (sample.tare_count != 0 && (!sensor.seen || another_tare)) {
+        const bool measured = sensor.seen && sensor.last.taring && sensor.changes_before == gravity_changes_;
+        const bool assumed = !gravity_told_;  // a hand that stays as it is configured
+        sensor.tare_gravity_G = gravity_known_ && (measured || assumed) ? gravity_G_ : Vector{kNaN, kNaN, kNaN};
+        sensor.tare_assumed = assumed;
+    }
+    sensor.last = sample;
+    sensor.seen = true;
+    t_ns_ = std::max(t_ns_, sample.t_ns);
+    follow_rest(sensor);
+}
+
+// A steady force is that of a hand at rest, for no arm accelerates for longer than accelerates_ms.
+void Tool::follow_rest(Sensor& sensor) noexcept {
+    Vector& rest = rest_S_N_[std::size_t(&sensor - sensors_.data())];
+    if (sensor.setup.mass_kg <= 0) return;
+    const double weight_N = sensor.setup.mass_kg * (gravity_known_ ? eigen(gravity_G_).norm() : 9.81);
+    bool steady = sensor.last.quality != TACTILED_BAD;
+    for (std::size_t k = 0; k < 3 && steady; ++k) {
+        if (std::isnan(sensor.last.raw_S[k])) continue;
+        steady = std::abs(sensor.last.raw_S[k] - rest[k]) <= std::max(kSteady * weight_N, kSteady_sds * sensor.last.sd[k]);
+    }
+    if (steady) return;
+    std::copy_n(sensor.last.raw_S.begin(), 3, rest.begin());
+    moved_ns_ = t_ns_;
+}
+
+Tool::Turned Tool::turned(const Sensor& sensor, const Vector& pull_G, double unknown_m_s2) const noexcept {
+    const SensorSetup& s = sensor.setup;
+    Turned out;
+    out.wrench_G.fill(kNaN);
+    out.sd.fill(kNaN);
+    const bool carries = s.mass_kg > 0, tared = sensor.last.tare_count != 0;
+    if (!sensor.seen || sensor.last.quality == TACTILED_BAD || sensor.last.quality == TACTILED_NO_VALUE)
+        out.why |= TACTILED_TOOL_SENSOR;
+    if (carries && !is_known(pull_G)) out.why |= TACTILED_TOOL_GRAVITY;
+    if (carries && tared && !is_known(sensor.tare_gravity_G)) out.why |= TACTILED_TOOL_TARE;
+    if (out.why != 0) return out;
+    out.quality = sensor.last.quality;
+    if (out.quality != TACTILED_GOOD) out.why |= TACTILED_TOOL_DOUBTED;
+
+    const auto part = [](const std::array<double, 6>& six, Eigen::Index from) {
+        return Vector3(six[std::size_t(from)], six[std::size_t(from + 1)], six[std::size_t(from + 2)]);
+    };
+    Vector3 force_S = part(sensor.last.raw_S, 0), torque_S = part(sensor.last.raw_S, 3);
+    Vector3 hangs_G = carries ? eigen(pull_G) : Vector3::Zero();
+    if (tared) {
+        force_S -= part(sensor.last.tare_S, 0);
+        torque_S -= part(sensor.last.tare_S, 3);
+        if (carries) hangs_G -= eigen(sensor.tare_gravity_G);
+    } else {
+        force_S -= eigen(s.zero_S_N);
+        torque_S -= eigen(s.zero_S_Nm);
+    }
+    const Vector3 position_G = eigen(s.position_G_m), arm_G = eigen(s.centre_G_m) - position_G;
+    const Vector3 weight_G = s.mass_kg * hangs_G;
+    const Vector3 force_G = to_G(s.S_from_G, force_S - to_S(s.S_from_G, weight_G));
+    const Vector3 torque_G =
+        to_G(s.S_from_G, torque_S - to_S(s.S_from_G, arm_G.cross(weight_G))) + cross(position_G, force_G);
+
+    const Vector3 zero_N = Vector3::Constant(tared ? 0 : s.zero_sd_N), zero_Nm = Vector3::Constant(tared ? 0 : s.zero_sd_Nm);
+    const auto added = [](const Vector3& a, const Vector3& b) -> Vector3 {
+        return (a.cwiseAbs2() + b.cwiseAbs2()).cwiseSqrt();
+    };
+    const double hangs = hangs_G.norm(), mass_N = s.mass_sd_kg * hangs;
+    const Vector3 sd_N = added(added(sd_to_G(s.S_from_G, part(sensor.last.sd, 0)), zero_N), Vector3::Constant(mass_N));
+    const double weight_Nm = std::hypot(mass_N * arm_G.norm(), s.centre_sd_m * weight_G.norm());
+    const Vector3 sd_Nm = added(added(sd_to_G(s.S_from_G, part(sensor.last.sd, 3)), zero_Nm),
+                                added(cross_sd(position_G, sd_N), Vector3::Constant(weight_Nm)));
+    // The direction of gravity, now and at the tare, and an acceleration that nothing reports err alike for all sensors.
+    const double pulls = carries ? eigen(pull_G).norm() * kDown_rad * (tared ? std::sqrt(2.0) : 1) : 0;
+    const double common_N = s.mass_kg * std::hypot(pulls, unknown_m_s2);
+    for (std::size_t i = 0; i < 3; ++i) {
+        const auto at = Eigen::Index(i);
+        out.wrench_G[i] = force_G[at];
+        out.wrench_G[i + 3] = torque_G[at];
+        out.sd[i] = sd_N[at];
+        out.sd[i + 3] = sd_Nm[at];
+        out.common[i] = common_N;
+        out.common[i + 3] = common_N * eigen(s.centre_G_m).norm();
+    }
+    if (!std::isfinite(torque_G.sum())) out.why |= TACTILED_TOOL_TORQUE;
+    return out;
+}
+
+tactiled_tool Tool::state() const noexcept {
+    tactiled_tool out{};
+    if (sensors_.empty()) return out;
+    out.quality = TACTILED_BAD;
+    tactiled_forget_tool(&out);
+    Vector pull_G = gravity_known_ ? gravity_G_ : Vector{kNaN, kNaN, kNaN};
+    const bool reported = reports_acceleration(), rests = t_ns_ >= moved_ns_ + accelerates_ns_;
+    for (std::size_t i = 0; i < 3; ++i) {
+        out.gravity_G_m_s2[i] = float(pull_G[i]);
+        if (reported) pull_G[i] -= acceleration_G_[i];
+    }
+    const double unknown_m_s2 = reported || rests ? 0 : max_acceleration_m_s2_ / std::sqrt(3.0);
+    std::array<double, 6> sum{}, variance{}, common{};
+    std::uint32_t quality = TACTILED_GOOD;
+    out.t_ns = UINT64_MAX;
+    for (const Sensor& sensor : sensors_) {
+        const std::uint32_t n = sensor.setup.sensor;
+        const Turned t = turned(sensor, pull_G, unknown_m_s2);
+        out.sensors |= 1u << n;
+        out.why |= t.why;
+        out.mass_kg += float(sensor.setup.mass_kg);
+        out.sensor_quality[n] = t.quality;
+        out.t_ns = std::min(out.t_ns, sensor.last.t_ns);
+        out.t_newest_ns = std::max(out.t_newest_ns, sensor.last.t_ns);
+        if (t.quality == TACTILED_BAD) out.bad |= 1u << n;
+        quality = std::max<std::uint32_t>(quality, t.quality);
+        for (std::size_t i = 0; i < 6; ++i) {
+            auto& value = i < 3 ? out.sensor_force_G_N[n][i] : out.sensor_torque_G_Nm[n][i - 3];
+            auto& sd = i < 3 ? out.sensor_sd_force_N[n][i] : out.sensor_sd_torque_Nm[n][i - 3];
+            value = float(t.wrench_G[i]);
+            sd = float(std::hypot(t.sd[i], t.common[i]));
+            sum[i] += t.wrench_G[i];
+            variance[i] += t.sd[i] * t.sd[i];
+            common[i] += t.common[i];
+        }
+    }
+    if (out.mass_kg > 0 && unknown_m_s2 > 0) out.why |= TACTILED_TOOL_MOVES;
+    if (out.t_newest_ns > out.t_ns + kApart_ns) {
+        out.why |= TACTILED_TOOL_APART;
+        quality = std::max<std::uint32_t>(quality, TACTILED_UNCERTAIN);
+    }
+    out.quality = quality;
+    if (quality == TACTILED_BAD) return out;
+    for (std::size_t i = 0; i < 3; ++i) {
+        out.force_G_N[i] = sum[i];
+        out.torque_G_Nm[i] = sum[i + 3];
+        out.sd_force_N[i] = std::sqrt(variance[i] + common[i] * common[i]);
+        out.sd_torque_Nm[i] = std::sqrt(variance[i + 3] + common[i + 3] * common[i + 3]);
+    }
+    return out;
+}
+
+void Tool::succeed(const Tool& before) noexcept {
+    if (before.gravity_told_) {
+        gravity_G_ = before.gravity_G_;
+        gravity_known_ = before.gravity_known_;
+        gravity_told_ = true;
+    }
+    acceleration_G_ = before.acceleration_G_;
+    acceleration_ns_ = before.acceleration_ns_;
+    acceleration_reported_ = before.acceleration_reported_;
+    t_ns_ = before.t_ns_;
+    moved_ns_ = t_ns_;
+    for (Sensor& sensor : sensors_)
+        for (const Sensor& was : before.sensors_)
+            if (was.setup.sensor == sensor.setup.sensor) {
+                sensor.last = was.last;
+                sensor.seen = was.seen;
+                sensor.tare_gravity_G = was.tare_gravity_G;
+                sensor.tare_assumed = was.tare_assumed;
+                sensor.changes_before = was.changes_before;
+                if (!gravity_told_ && was.tare_assumed)
+                    sensor.tare_gravity_G = gravity_known_ ? gravity_G_ : was.tare_gravity_G;
+            }
+}
+
+}  // namespace tactiled::tool
