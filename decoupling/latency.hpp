@@ -34,7 +34,7 @@ public:
             const double share = delay_s_ / (double(t_ns - oldest.t_ns) * 1e-9);
             for (std::size_t c = 0; c < sd.size(); ++c) {
                 const double late = share * (wrench_S[c] - oldest.wrench_S[c]);
-                // Two sums instead of std::hypot, which takes several times as long; NaN: not seen, or sd not known.
+                // Two sums are faster than hypot() by a multiple. NaN: not measured, or sd not known.
                 if (std::abs(late) <= kMaxLate) sd[c] = std::sqrt(sd[c] * sd[c] + late * late);
             }
         }

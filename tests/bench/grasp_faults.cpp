@@ -168,7 +168,7 @@ double up_m_s2(const Plan& p, Fault fault, double t_s) {
     return t_s > brakes_s && t_s < brakes_s + p.accelerates_s ? -p.acceleration_m_s2 : 0;
 }
 
-// What hangs on the jaws, kg.
+// The mass of the held object, kg.
 double mass_kg(const Plan& p, Fault fault, double t_s) {
     const double since_s = t_s - kLift_s - p.transfer_s;
     if (fault == Fault::leaks_mass) return p.mass_kg * (1 - p.size * std::clamp(since_s - p.begins_s, 0.0, 1e9));

@@ -34,7 +34,7 @@ GuidedGrasp guided(std::size_t jaws, std::uint64_t seed) {
     seen.gravity_G_m_s2 = {0, 0, kG};
     seen.lower_jaw = 0;
     seen.tilt_rad = 30 * kPi / 180;
-    const double angle = uniform(25, 35) * kPi / 180;  // as well as a person does it
+    const double angle = uniform(25, 35) * kPi / 180;  // a person tilts about as exactly
     const Vector3 to_jaw = -frame_of(0, jaws).row(2).transpose();
     const Vector3 tilted = kG * (std::cos(angle) * Vector3::UnitZ() + std::sin(angle) * to_jaw);
     const double press_N = seen.mass_kg * kG / double(jaws) * uniform(2, 6), stiff = uniform(1, 4);

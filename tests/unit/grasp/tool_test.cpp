@@ -241,7 +241,7 @@ TEST(Tool, AnAccelerationThatNothingReportsIsInTheDeviation) {
     tactiled_tool moving = tool.state();
     EXPECT_EQ(moving.why & TACTILED_TOOL_MOVES, TACTILED_TOOL_MOVES);
     EXPECT_LT(std::abs(moving.force_G_N[2]), 2 * moving.sd_force_N[2]);
-    tool.acceleration({0, 0, -2}, t_ns);  // what accelerates up weighs more
+    tool.acceleration({0, 0, -2}, t_ns);  // upward acceleration adds to the weight
     moving = tool.state();
     EXPECT_EQ(moving.why & TACTILED_TOOL_MOVES, 0u);
     EXPECT_LT(std::abs(moving.force_G_N[2]), 0.1);
