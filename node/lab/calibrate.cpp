@@ -86,9 +86,9 @@ void print_report(const FitReport& report, const Settings& settings) {
             fmt::print("method {:10} {:6.1f} s", method.method, method.seconds);
             if (!method.refused.empty()) fmt::print(" refused: {}", method.refused);
             for (std::size_t i = 0; i < method.held_out_rms.size(); ++i) {
-                const double percent = 100 * method.held_out_rms[i] / report.components[i].full_scale;
+                const double of_full_scale = method.held_out_rms[i] / report.components[i].full_scale;
                 fmt::print(" {} {}", report.components[i].name,
-                           std::isfinite(percent) ? fmt::format("{:.2f} %", percent) : "unknown");
+                           std::isfinite(of_full_scale) ? percent(of_full_scale) + " %" : "unknown");
             }
             fmt::print("\n");
         }

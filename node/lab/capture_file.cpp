@@ -120,7 +120,7 @@ void CaptureFile::append(const std::vector<CapturedRow>& rows, const std::string
         columns_.emplace_back("session");
         text = fmt::format("{}\n", fmt::join(columns_, ","));
     }
-    if (!is_new && !ends_with_a_line_) text = "\n";  // an editor has removed the last line feed
+    if (!is_new && !ends_with_a_line_) text += '\n';  // an editor has removed the last line feed
     ends_with_a_line_ = true;
     const double begin_s = double(rows.front().t_ns) / 1e9;
     const double shift_s = begin_s > last_t_s_ ? 0 : last_t_s_ + kPauseBetween_s - begin_s;
