@@ -24,6 +24,8 @@ std::string with(const KeyTable& table, const std::string& key, const std::strin
         {"[[sensor]]", {"name = 'left'", "link = 'usb0'", "model = 'generic'", "calibration = 'left.toml'"}},
         {"[grasp]", {}},
         {"[[grasp.jaw]]", {"sensor = 'left'", "x_S_in_G = [1, 0, 0]", "z_S_in_G = [0, 1, 0]"}},
+        {"[tool]", {}},
+        {"[[tool.sensor]]", {"sensor = 'left'"}},
         {"[modbus]", {}},
         {"[modbus.rtu]", {}},
         {"[shm]", {}},
@@ -71,7 +73,7 @@ TEST(Keys, AreUniqueAndExplained) {
             EXPECT_NE(key.name.find("_" + std::string(key.unit == "Hz" ? "hz" : key.unit)), std::string::npos) << key.name;
         }
     });
-    EXPECT_EQ(seen.size(), 94u);
+    EXPECT_EQ(seen.size(), 98u);
 }
 
 TEST(Keys, AValueOfAnotherTypeIsAnErrorOfThatKey) {
