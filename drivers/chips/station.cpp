@@ -72,8 +72,11 @@ void Station::look() noexcept {
     if (ready_ == nullptr || !ready_->take(t_ns)) return;
     has_edges_ = true;
     if (state_ != State::converting || !has_converted_) return;
-    if (t_ns != 0 && t_ns <= taken_ns_) {  // the edge belongs to the value read last; wait for the next one
-        due_ns_ = std::max(due_ns_, predicted_ns());
+    if (t_ns != 0 && t_ns <= taken_ns_) {
+        // The edge belongs to the value read last. The next one is a period later: on a slow bus a transfer takes so long
+        // that it finds a value although it began before the edge, and the clock alone would stay that early.
+        const auto next_ns = t_ns + std::uint64_t(clock_.period_ns()) + chip_->conversion_ns() / kWaitForEdge;
+        due_ns_ = std::max({due_ns_, predicted_ns(), next_ns});
         return;
     }
     if (asked_ >= kMaxHastened) return;
