@@ -23,7 +23,7 @@ def libraries(program):
 def verbs_of_help(program):
     """Returns {group: [verb]} of --help."""
     text = subprocess.run([program, "--help"], capture_output=True, text=True, check=True).stdout
-    return {group: re.findall(r"^  ([a-z]+) ", lines, re.M) for group, lines in re.findall(r"^(\S[^\n]*):\n((?:  .*\n?|\n)+)", text, re.M)}
+    return {group: re.findall(r"^  ([a-z-]+) ", lines, re.M) for group, lines in re.findall(r"^(\S[^\n]*):\n((?:  .*\n?|\n)+)", text, re.M)}
 
 
 class Libraries(unittest.TestCase):

@@ -60,7 +60,12 @@ class Sessions(Fresh):
     def test_each_page_as_root_and_as_a_normal_user(self):
         chosen = [os.environ["PAGE"]] if "PAGE" in os.environ else pages()
         self.assertGreater(len(chosen), 0)
-        for uid in {os.geteuid(), USER} if os.geteuid() == 0 else {os.geteuid()}:
+        users = {os.geteuid()}
+        if all(path.stat().st_mode & 1 for path in (BIN, *BIN.parents)):
+            users |= {USER} if os.geteuid() == 0 else set()
+        elif os.geteuid() == 0:
+            print(f"as root alone: no other user can reach {BIN}", flush=True)
+        for uid in users:
             for page in chosen:
                 with self.subTest(page=page, uid=uid):
                     folder, env, before = self.fresh(uid)
@@ -71,7 +76,7 @@ class Planted(Fresh):
     """The test finds errors of each kind that pages had."""
 
     PLANTS = [
-        ("a wrong option", "--out skin.toml", "--output skin.toml"),
+        ("a wrong option", "--out eflesh.toml", "--output eflesh.toml"),
         ("a file that is not there", "normal_labelled.csv", "normal_labeled.csv"),
         ("a wrong number", "15 channels", "16 channels"),
         ("a misspelt verb", "tactilectl calibrate", "tactilectl calibarte"),

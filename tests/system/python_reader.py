@@ -91,8 +91,8 @@ class Layout:
             align, kind, names = re.fullmatch(r"(?:TACTILED_ALIGN\((\d+)\) )?((?:struct )?\w+) (.*)", member).groups()
             for field, dim in re.findall(r"(\w+)(?:\[(\w+)\])?", names):
                 count = 1 if not dim else int(dim) if dim.isdigit() else self.numbers[dim.replace("TACTILED_", "")]
-                if kind == "struct tactiled_grasp":  # a table of its own
-                    letter, size, count, align = "s", 1, self.sizes["grasp"], 8
+                if kind in ("struct tactiled_grasp", "struct tactiled_tool"):  # tables of their own
+                    letter, size, count, align = "s", 1, self.sizes[kind.split("_", 1)[1]], 8
                 elif kind.startswith("struct"):
                     inner = self.structs[kind.split("_", 1)[1]]
                     assert all(code == "I" for _, _, code in inner)
