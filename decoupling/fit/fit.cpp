@@ -247,7 +247,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     if (!remembers) {
         const std::vector<std::size_t> group_of_row = ways_to_hold_out(*labelled, rows, false).front().of_row;
         set_joint_domain(rows, group_of_row, calibration);
-        set_parity(rows, group_of_row, calibration);
+        if (request.parity) set_parity(rows, group_of_row, calibration);
         set_sd_without(rows, calibration);
         for (Fit& other : calibration.others) {
             Calibration one = calibration;

@@ -286,7 +286,7 @@ void damage(const std::string& fit_file, const std::string& judge_file, const st
     std::stringstream names(methods.empty() ? "matrix,quadratic,rbf,mlp" : methods);
     for (std::string method; std::getline(names, method, ',');) {
         const Calibration calibration =
-            fit(seen, {.model = "generic", .method = method, .serial = "", .date = ""}).calibration;
+            fit(seen, {.model = "generic", .method = method, .serial = "", .date = "", .parity = true}).calibration;
         fmt::print(
             "{}: {} channels checked by the others\n", method,
             std::count_if(calibration.parity.sd.begin(), calibration.parity.sd.end(), [](double sd) { return sd > 0; }));

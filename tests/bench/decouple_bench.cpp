@@ -135,6 +135,7 @@ Case fitted(const std::string& model, const std::string& method, const Labelled&
     FitRequest request;
     request.model = model;
     request.method = method;
+    request.parity = true;
     Case result{.name = model + "/" + method, .decoupler = nullptr, .readings = {}, .ns = {}};
     Calibration calibration = fit(rows, request).calibration;
     if (checks == Checks::none) calibration.joint_domain = {};

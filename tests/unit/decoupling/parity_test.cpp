@@ -28,7 +28,8 @@ protected:
                                      .session = 0,
                                      .t_ns = (i + 1) * 1'000'000'000});
         }
-        calibration = fit(labelled, {.model = "generic", .method = "quadratic", .serial = "", .date = ""}).calibration;
+        calibration =
+            fit(labelled, {.model = "generic", .method = "quadratic", .serial = "", .date = "", .parity = true}).calibration;
         decoupler = make_decoupler(calibration);
     }
     Wrench random_load() {
@@ -153,7 +154,8 @@ TEST(Parity, WithoutRedundancyNothingIsChecked) {
                                  .session = 0,
                                  .t_ns = (i + 1) * 1'000'000});
     }
-    const auto calibration = fit(labelled, {.model = "generic", .method = "matrix", .serial = "", .date = ""}).calibration;
+    const auto calibration =
+        fit(labelled, {.model = "generic", .method = "matrix", .serial = "", .date = "", .parity = true}).calibration;
     EXPECT_TRUE(calibration.parity.sd.empty());
 }
 
