@@ -89,8 +89,9 @@ class Layout:
         members, at, largest = [], 0, 4
         for member in filter(None, (m.strip() for m in body.split(";"))):
             align, kind, names = re.fullmatch(r"(?:TACTILED_ALIGN\((\d+)\) )?((?:struct )?\w+) (.*)", member).groups()
-            for field, dim in re.findall(r"(\w+)(?:\[(\w+)\])?", names):
-                count = 1 if not dim else int(dim) if dim.isdigit() else self.numbers[dim.replace("TACTILED_", "")]
+            for field, dims in re.findall(r"(\w+)((?:\[\w+\])*)", names):
+                count = math.prod(int(dim) if dim.isdigit() else self.numbers[dim.replace("TACTILED_", "")]
+                                  for dim in re.findall(r"\w+", dims))
                 if kind in ("struct tactiled_grasp", "struct tactiled_tool"):  # tables of their own
                     letter, size, count, align = "s", 1, self.sizes[kind.split("_", 1)[1]], 8
                 elif kind.startswith("struct"):
