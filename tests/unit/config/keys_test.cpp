@@ -25,7 +25,7 @@ std::string with(const KeyTable& table, const std::string& key, const std::strin
         {"[grasp]", {}},
         {"[[grasp.jaw]]", {"sensor = 'left'", "x_S_in_G = [1, 0, 0]", "z_S_in_G = [0, 1, 0]"}},
         {"[tool]", {}},
-        {"[[tool.sensor]]", {"sensor = 'left'"}},
+        {"[[tool.sensor]]", {"sensor = 'left'", "x_S_in_G = [1, 0, 0]", "z_S_in_G = [0, 1, 0]"}},
         {"[modbus]", {}},
         {"[modbus.rtu]", {}},
         {"[shm]", {}},
@@ -143,9 +143,10 @@ TEST(Keys, AReloadChangesWhatIsTunedAndCalibrated) {
         "tare_limit_N", "agrees_with", "agree_N",          "agree_ms",     "tare_after_restart", "accept_unproved_age"};
     const std::set<std::string> fixed = {"name", "link", "device", "model", "stale_ms"};
     for_each_key([&](const KeyTable& table, const ConfigKey& key) {
-        const Reload expected = table.name() == "sensor" ? fixed.count(key.name) != 0   ? Reload::restart
-                                                           : tuned.count(key.name) != 0 ? Reload::tune
-                                                                                        : Reload::epoch
+        const Reload expected = table.name() == "sensor"         ? fixed.count(key.name) != 0   ? Reload::restart
+                                                                   : tuned.count(key.name) != 0 ? Reload::tune
+                                                                                                : Reload::epoch
+                                : table.name().find("tool") == 0 ? Reload::tune
                                 : table.name().find("grasp") == 0 && key.name != "objects" ? Reload::tune
                                                                                            : Reload::restart;
         EXPECT_EQ(reload_rule(table.name(), key.name), expected) << table.header << key.name;

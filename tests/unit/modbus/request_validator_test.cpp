@@ -43,7 +43,7 @@ TEST(RequestValidator, AnswersWrongRequestsWithTheRightException) {
         {"65535 registers", {3, 0, 0, 0xFF, 0xFF}, 3},
         {"too many and at a wrong address: quantity is checked first", {3, 0xFF, 0xFF, 0, 126}, 3},
         {"one beyond the global block", {3, 0, 0, 0, 33}, 2},
-        {"between the blocks", {3, 0, 60, 0, 1}, 2},
+        {"between the blocks", {3, 0, 35, 0, 1}, 2},
         {"across the hole", {3, 0, 31, 0, 70}, 2},
         {"beyond the sensors", {4, 1, 0xF4, 0, 1}, 2},
         {"wraps at 65536", {4, 0xFF, 0xFF, 0, 2}, 2},
@@ -91,7 +91,7 @@ TEST(RequestValidator, AnswersWrongRequestsWithTheRightException) {
         {"mask write, short", {22, 0x13, 0xEC, 0, 0, 0}, 3},
         {"read 25 and write 5000", {23, 0, 25, 0, 3, 0x13, 0x88, 0, 1, 2, 0, 1}, 0},
         {"read nothing, write scratch", {23, 0, 25, 0, 0, 0x13, 0xEC, 0, 1, 2, 0, 1}, 3},
-        {"read outside, write scratch", {23, 0, 60, 0, 1, 0x13, 0xEC, 0, 1, 2, 0, 1}, 2},
+        {"read outside, write scratch", {23, 0, 35, 0, 1, 0x13, 0xEC, 0, 1, 2, 0, 1}, 2},
         {"read 25, write what is read-only", {23, 0, 25, 0, 3, 0, 0, 0, 1, 2, 0, 1}, 2},
         {"read and write, byte count odd", {23, 0, 25, 0, 3, 0x13, 0xEC, 0, 1, 1, 0}, 3},
         // P 6.21: identification
