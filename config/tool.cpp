@@ -3,6 +3,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <limits>
 
 #include "config/names.hpp"
 #include "config/tables.hpp"
@@ -12,7 +13,8 @@ namespace {
 
 constexpr std::size_t kMaxSensors = 16;
 using Vector = std::array<double, 3>;
-constexpr Vector kNone{0, 0, 0};
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr Vector kNone{0, 0, 0}, kUnset{kNaN, kNaN, kNaN};
 
 // The axes are those of the table, or those of the jaw with this sensor.
 void read_frame(Options& table, ToolSensorSettings& sensor, const std::optional<GraspSettings>& grasp) {
@@ -50,9 +52,9 @@ const Fields<ToolSensorSettings>& tool_sensor_fields() {
     using S = ToolSensorSettings;
     static const Fields<S> fields = {
         {TACTILED_KEY(S, sensor), kRequired, Text::any, Reload::tune, "Name of a [[sensor]]."},
-        {TACTILED_KEY(S, x_S_in_G), Default(kNone, "the axis of [[grasp.jaw]]"), range(-1000, 1000), "", Reload::tune,
+        {TACTILED_KEY(S, x_S_in_G), Default(kUnset, "the axis of [[grasp.jaw]]"), range(-1000, 1000), "", Reload::tune,
          "Direction of the sensor's x axis in G, of any length."},
-        {TACTILED_KEY(S, z_S_in_G), Default(kNone, "the axis of [[grasp.jaw]]"), range(-1000, 1000), "", Reload::tune,
+        {TACTILED_KEY(S, z_S_in_G), Default(kUnset, "the axis of [[grasp.jaw]]"), range(-1000, 1000), "", Reload::tune,
          "Direction of the sensor's z axis in G; perpendicular to x within 1 degree."},
         {TACTILED_KEY(S, position_G_mm), kNone, range(-10'000, 10'000), "mm", Reload::tune,
          "Origin of the sensor's frame in G: the lever arm of its force."},
