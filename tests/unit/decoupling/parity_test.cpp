@@ -136,9 +136,9 @@ TEST_F(Redundant, ComesBackFromAFileToTheLastBit) {
     EXPECT_EQ(loaded.parity.coefficients, calibration.parity.coefficients);
     EXPECT_EQ(loaded.parity.sd, calibration.parity.sd);
     EXPECT_EQ(loaded.sd_without, calibration.sd_without);
-    Calibration wrong = calibration;
-    wrong.parity.coefficients[2].pop_back();
-    EXPECT_NE(refusal(wrong).find("parity"), std::string::npos);
+    Calibration other = calibration;
+    other.parity.coefficients[2].pop_back();
+    EXPECT_NE(refusal(other).find("parity"), std::string::npos);
 }
 
 // Three channels of three forces: no channel follows from the others.
