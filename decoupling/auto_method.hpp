@@ -55,7 +55,7 @@ public:
     }
     void forget() noexcept override { front_[choice_.now()].decoupler->forget(); }
 
-    // Of the method that runs now.
+    // Returns the name of the method that runs now.
     [[nodiscard]] std::string_view method() const noexcept override { return front_[choice_.now()].decoupler->method(); }
     [[nodiscard]] const std::vector<FrontMethod>& front() const noexcept { return front_; }
     [[nodiscard]] const MethodChoice& choice() const noexcept { return choice_; }

@@ -27,7 +27,7 @@ make_base() {
     touch "$base/bootstrapped"
 }
 
-# copy_sources TREE: the project as it is here, in TREE/root/project. Earlier builds in it are kept.
+# copy_sources TREE: copies the project as it is here into the home folder of root in TREE. Earlier builds there are kept.
 copy_sources() {
     local project=$1/root/project
     mkdir -p "$project"
