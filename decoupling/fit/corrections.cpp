@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -53,7 +54,7 @@ Ridge::Ridge(const Eigen::MatrixXd& features) : rows_(double(features.rows())) {
 Eigen::MatrixXd Ridge::solve(const Eigen::MatrixXd& feature_y, double ridge) const {
     Eigen::MatrixXd regular = gram_;
     regular.diagonal().array() += ridge * rows_;
-    return regular.selfadjointView<Eigen::Lower>().ldlt().solve(feature_y);
+    return dense::solve_by_ldlt(regular, feature_y);
 }
 
 Eigen::MatrixXd rows_of(const Eigen::MatrixXd& matrix, const std::vector<Eigen::Index>& rows) {

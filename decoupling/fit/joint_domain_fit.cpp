@@ -6,6 +6,7 @@
 #include <set>
 
 #include "decoupling/joint_domain.hpp"
+#include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -41,7 +42,7 @@ Eigen::MatrixXd responses(const Rows& rows, const Eigen::MatrixXd& channel, cons
     // Components that always occurred together share their response.
     const Eigen::MatrixXd squares = load.transpose() * load;
     const double ridge = 1e-6 * std::max(squares.diagonal().maxCoeff(), 1e-300);
-    return (squares + ridge * Eigen::MatrixXd::Identity(m, m)).ldlt().solve(load.transpose() * at);
+    return dense::solve_by_ldlt(squares + ridge * Eigen::MatrixXd::Identity(m, m), load.transpose() * at);
 }
 
 // Returns the domain without its limit.

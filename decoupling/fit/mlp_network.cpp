@@ -53,7 +53,7 @@ MlpNetwork mlp_start(const MlpRows& rows, Eigen::Index neurons, double decay, st
         const Eigen::VectorXd y = rows.y.col(c).array().isNaN().select(0.0, rows.y.col(c));
         Eigen::MatrixXd gram = h.transpose() * (h.array().colwise() * known).matrix();
         gram.diagonal().array() += std::max(decay, 1e-6) * double(rows.u.rows());
-        network.output.row(c) = gram.ldlt().solve(h.transpose() * y).transpose();
+        network.output.row(c) = dense::solve_by_ldlt(gram, h.transpose() * y).transpose();
     }
     return network;
 }

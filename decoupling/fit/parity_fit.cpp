@@ -8,6 +8,7 @@
 #include "decoupling/fit/groups.hpp"
 #include "decoupling/fit/joint_domain_fit.hpp"
 #include "decoupling/parity.hpp"
+#include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -59,7 +60,7 @@ Eigen::MatrixXd coefficients_of(const Eigen::MatrixXd& features, const Eigen::Ma
             for (Eigen::Index j = 0; j < m; ++j) a(i, j) = squares(index[std::size_t(i)], index[std::size_t(j)]);
         }
         a.diagonal().array() += kRidge * double(features.rows());
-        const Eigen::VectorXd solved = a.ldlt().solve(b);
+        const Eigen::VectorXd solved = dense::solve_by_ldlt(a, b);
         for (Eigen::Index i = 0; i < m; ++i) coefficients(index[std::size_t(i)], Eigen::Index(k)) = solved[i];
     }
     return coefficients;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
 #include "decoupling/temperature.hpp"
 
@@ -36,8 +37,6 @@ Eigen::MatrixXd loads_of_rows(const Rows& rows, const Calibration& calibration) 
     return load;
 }
 
-Eigen::VectorXd solve(const Eigen::MatrixXd& a, const Eigen::VectorXd& b) { return a.colPivHouseholderQr().solve(b); }
-
 // Root mean square error on stretches that were left out.
 double held_out(const Eigen::MatrixXd& a, const Eigen::VectorXd& b) {
     double squares = 0;
@@ -46,7 +45,7 @@ double held_out(const Eigen::MatrixXd& a, const Eigen::VectorXd& b) {
         std::vector<Eigen::Index> seen, unseen;
         for (Eigen::Index i = 0; i < n; ++i)
             (std::size_t(i) * kStretches / std::size_t(n) == s ? unseen : seen).push_back(i);
-        const Eigen::VectorXd error = b(unseen) - a(unseen, Eigen::all) * solve(a(seen, Eigen::all), b(seen));
+        const Eigen::VectorXd error = b(unseen) - a(unseen, Eigen::all) * dense::solve_by_qr(a(seen, Eigen::all), b(seen));
         squares += error.squaredNorm();
     }
     return std::sqrt(squares / double(n));
@@ -85,7 +84,7 @@ Temperature take_temperature_off(const Rows& all, Labelled& labelled, const Cali
         // The gain multiplies the response to the load, which is found first.
         Eigen::MatrixXd with_zero(load.rows(), load.cols() + 1);
         with_zero << load, from_K;
-        const Eigen::VectorXd first = solve(with_zero, channel);
+        const Eigen::VectorXd first = dense::solve_by_qr(with_zero, channel);
         Eigen::VectorXd response = load * first.head(load.cols());
         response.array() -= first[0];
         Eigen::MatrixXd with_gain(load.rows(), load.cols() + 2);
@@ -94,11 +93,11 @@ Temperature take_temperature_off(const Rows& all, Labelled& labelled, const Cali
                      both = held_out(with_gain, channel);
         Eigen::VectorXd solved = Eigen::VectorXd::Zero(load.cols() + 2);
         if (both < kWorth * std::min(without, zero_alone))
-            solved = solve(with_gain, channel);
+            solved = dense::solve_by_qr(with_gain, channel);
         else if (zero_alone < kWorth * without)
             solved.head(load.cols() + 1) = first;
         else
-            solved.head(load.cols()) = solve(load, channel);
+            solved.head(load.cols()) = dense::solve_by_qr(load, channel);
         followed += solved[load.cols()] != 0;
         found.zero.push_back(solved[0]);
         found.zero_per_K.push_back(solved[load.cols()]);

@@ -1,6 +1,5 @@
 #include "decoupling/hair/solver.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <vector>
 
@@ -51,7 +50,7 @@ HairSolver::Subset HairSolver::prepare(std::uint32_t hairs, std::uint32_t unknow
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(scaled);
     // Intact sensors are below 5 for any three hairs.
     if (!(svd.singularValues()[m - 1] * kWorstCondition > svd.singularValues()[0])) return subset;
-    const Eigen::MatrixXd inverse = scaled.colPivHouseholderQr().solve(Eigen::MatrixXd::Identity(n, n));
+    const Eigen::MatrixXd inverse = dense::solve_by_qr(scaled, Eigen::MatrixXd::Identity(n, n));
     for (Eigen::Index j = 0; j < m; ++j) {
         const std::size_t at = columns[std::size_t(j)];
         subset.noise_gain[at] = inverse.row(j).norm() / scale[j];
@@ -62,7 +61,7 @@ HairSolver::Subset HairSolver::prepare(std::uint32_t hairs, std::uint32_t unknow
         // The largest magnitude, over the loads where the leak is evaluated, of each entry of inverse * slopes of the
         // leak. The largest eigenvalue of these magnitudes is the factor by which a step reduces the error (in the
         // maximum norm weighted by its eigenvector, in which limiting a load to its range lengthens nothing).
-        Eigen::Matrix3d sizes = Eigen::Matrix3d::Zero();
+        Eigen::MatrixXd sizes = Eigen::MatrixXd::Zero(3, 3);
         HairLoad load;
         for (int point = 0; point < (kGrid + 1) * (kGrid + 1) * (kGrid + 1); ++point) {
             int rest = point;
@@ -80,7 +79,7 @@ HairSolver::Subset HairSolver::prepare(std::uint32_t hairs, std::uint32_t unknow
             }
         }
         if (!sizes.allFinite()) return subset;
-        subset.contraction = sizes.eigenvalues().cwiseAbs().maxCoeff();
+        subset.contraction = dense::spectral_radius(sizes);
     }
     subset.solvable =
         subset.contraction < kSlowest && std::isfinite(subset.noise_gain[0] + subset.noise_gain[1] + subset.noise_gain[2]);

@@ -1,4 +1,20 @@
 #include "decoupling/solve/dense.hpp"
 
+#include <Eigen/Eigenvalues>
+
 template class Eigen::JacobiSVD<Eigen::MatrixXd>;
 template class Eigen::ColPivHouseholderQR<Eigen::MatrixXd>;
+
+namespace tactiled::dense {
+
+Eigen::MatrixXd solve_by_qr(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) { return a.colPivHouseholderQr().solve(b); }
+
+Eigen::MatrixXd solve_by_ldlt(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+    return a.selfadjointView<Eigen::Lower>().ldlt().solve(b);
+}
+
+double spectral_radius(const Eigen::MatrixXd& a) {
+    return Eigen::EigenSolver<Eigen::MatrixXd>(a, false).eigenvalues().cwiseAbs().maxCoeff();
+}
+
+}  // namespace tactiled::dense

@@ -70,7 +70,7 @@ GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::
             }
         return subset;
     }
-    const Eigen::MatrixXd inverse = g.colPivHouseholderQr().solve(Eigen::MatrixXd::Identity(g.rows(), g.rows()));
+    const Eigen::MatrixXd inverse = dense::solve_by_qr(g, Eigen::MatrixXd::Identity(g.rows(), g.rows()));
     for (Eigen::Index j = 0; j < n; ++j) {
         for (Eigen::Index i = 0; i < m; ++i) {
             const std::size_t k = rows[std::size_t(i)];

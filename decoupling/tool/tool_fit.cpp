@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "decoupling/solve/dense.hpp"
+
 namespace tactiled::tool {
 namespace {
 
