@@ -19,8 +19,8 @@ build() { # preset targets...
 }
 build release shipped_tests kernel_tools
 
-# Most of the shipped programs' tests wait, one after the other, for what other programs do: the compiler uses that time.
-ctest --test-dir build/release -LE 'bytes|numbers|kernel' -E NOT_BUILT -j "$jobs" --output-on-failure >build/release-tests.log 2>&1 &
+# Most of the shipped programs' tests wait for what other programs do: the compiler uses that time.
+ctest --test-dir build/release -LE 'bytes|numbers|kernel' -E NOT_BUILT -j $((2 * jobs)) --output-on-failure >build/release-tests.log 2>&1 &
 release_tests=$!
 # A machine under QEMU with a clock of its own: with less of a processor it takes longer and finds the same.
 chrt --idle 0 ctest --test-dir build/release -L kernel --no-tests=error --output-on-failure >build/kernel-tests.log 2>&1 &
