@@ -44,10 +44,10 @@ double percent(int part, int of) { return of > 0 ? 100.0 * part / of : 0; }
 void print_row(const std::string& name, const Figures& f) {
     fmt::print(
         "| {} | {} | {:+.2f} | {:.2f} | {:.2f} | {:.0f} / {:.0f} | {:.0f} / {:.0f} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {} "
-        "| {} |\n",
+        "| {} | {:.2f} |\n",
         name, f.n, 100 * f.bias, 100 * f.sd, 100 * f.said_sd, percent(f.within_1_sd, f.n), percent(f.within_2_sd, f.n),
         1e3 * f.p50_s, 1e3 * f.p95_s, percent(f.in_300_ms, f.n), percent(f.right, f.n), percent(f.unknown, f.n),
-        percent(f.wrong, f.n), f.wrong_kind, f.never);
+        percent(f.wrong, f.n), f.wrong_kind, f.never, f.shown);
 }
 
 void print_head() {
@@ -55,7 +55,7 @@ void print_head() {
         "| object, sensed jaws of 3 | grasps | bias % | sd % | published sd % | within 1 / 2 sd, % | stable p50 / p95, ms "
         "after "
         "lift-off | within 300 ms, % | right object, % | unknown, % | wrong, % | ball and egg mixed up | never stable "
-        "|\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+        "| lifts of the known weight |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
 }
 
 // Returns the outcomes as if the zero were that of the clamped phase, for one jaw: its reading there, without load,
