@@ -106,7 +106,8 @@ private:
                                               std::uint32_t& late) const noexcept;
     [[nodiscard]] bool moved(const Mean& window, std::uint64_t from_ns, std::uint64_t now_ns) const noexcept;
     void take_first(const Findings& found) noexcept;
-    [[nodiscard]] bool flat(const Mean& mean, double part) const noexcept;
+    [[nodiscard]] bool flat(const Mean& mean) const noexcept;
+    [[nodiscard]] bool part_is_flat(const Mean& mean, double part) const noexcept;
     [[nodiscard]] double drifted_kg(std::span<const Contact> jaws, std::uint64_t from_ns) const noexcept;
     [[nodiscard]] double unexplained_kg(double mass_kg) const noexcept;
     void forget_first() noexcept;

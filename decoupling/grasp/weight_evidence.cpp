@@ -187,15 +187,22 @@ void Weight::forget_first() noexcept {
     departed_kg_ = kNaN;
 }
 
-// Returns false for a window with a trend or a bend above its noise, which may be a part of a swing. `part`: its length,
-// relative to a whole window. A swing trends in proportion to the length and bends in proportion to its square, so the
-// limits of a shorter window find the same swings.
-bool Weight::flat(const Mean& mean, double part) const noexcept {
+// Returns false for a window with a trend or a bend above its noise, which may be a part of a swing.
+bool Weight::flat(const Mean& mean) const noexcept {
     const double noise_kg = 3 * mean.jitter_kg / std::sqrt(double(mean.n) / 4);
     const double weight_kg = std::max(std::abs(mean.mass_kg), contact_N_ / gravity_G_.norm());
-    if (noise_kg > kNoisy * part * part * weight_kg && mean.n < kEnough) return false;
-    return std::abs(mean.trend_kg) <= std::hypot(kTrends * part * weight_kg, noise_kg) &&
-           std::abs(mean.bend_kg) <= std::hypot(kBends * part * part * weight_kg, noise_kg);
+    if (noise_kg > kNoisy * weight_kg && mean.n < kEnough) return false;
+    return std::abs(mean.trend_kg) <= std::hypot(kTrends * weight_kg, noise_kg) &&
+           std::abs(mean.bend_kg) <= std::hypot(kBends * weight_kg, noise_kg);
+}
+
+// The same for a part of a window. A swing trends in proportion to the length and bends in proportion to its square. The
+// limits are smaller by one more power, as a shorter mean has more noise, and noise does not raise them.
+bool Weight::part_is_flat(const Mean& mean, double part) const noexcept {
+    const double noise_kg = 3 * mean.jitter_kg / std::sqrt(double(mean.n) / 4);
+    const double weight_kg = part * part * std::max(std::abs(mean.mass_kg), contact_N_ / gravity_G_.norm());
+    return noise_kg <= kNoisy * weight_kg && std::abs(mean.trend_kg) <= kTrends * weight_kg &&
+           std::abs(mean.bend_kg) <= part * kBends * weight_kg;
 }
 
 }  // namespace tactiled::grasp

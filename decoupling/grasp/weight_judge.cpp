@@ -28,8 +28,9 @@ constexpr double kSure = 0.2;     // relative deviation above which no weight is
 // From half of the load to nine tenths of it; lifts in the tests take 0.05 to 0.3 s in all.
 constexpr std::uint64_t kSlowly_ns = 250'000'000;
 constexpr std::uint64_t kQuiet_ns = 500'000'000;  // half a period of a swing of 1 Hz
-// The load reaches nine tenths some time before the object leaves the table, so that the arm may still accelerate where the
-// window begins. This part of the window suffices if it is at rest; it must have enough blocks to show noise and bend.
+// The load reaches nine tenths some time before the object leaves the table, so that the arm may still accelerate where
+// the window begins. This part of the window suffices if it is at rest; it must have enough blocks to show noise and
+// bend.
 constexpr double kNewest = 0.7;
 constexpr std::size_t kMinNewest = 8;
 
@@ -234,22 +235,16 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     if (now_ns < from_ns - (last_ns - lift_off_ns) + window_ns_)
         late = 0;  // without this step there would be no weight yet, either
     const bool after = mean.n >= 4 && now_ns >= from_ns + window_ns_;
-    const auto rests = [&](const Mean& m, double of_window) {
-        return m.sd_kg <= kStill * std::abs(m.mass_kg) && flat(m, of_window);
-    };
-    double part = 1;
-    if (after && !rests(mean, part)) {
+    bool newest_rests = false;
+    if (after && (mean.sd_kg > kStill * std::abs(mean.mass_kg) || !flat(mean))) {
         const std::uint64_t newest_ns = now_ns - std::min(now_ns, std::uint64_t(kNewest * double(window_ns_)));
         const Mean newest = mean_since(newest_ns);
-        const bool begins = !mean.accelerations_known && !again_ && now_ns < from_ns + 2 * window_ns_;
-        if (begins && newest.n >= kMinNewest && rests(newest, kNewest)) {
-            since_ns = newest_ns;
-            mean = newest;
-            part = kNewest;
-        } else {  // with vibration or noise the mean is longer
-            since_ns = std::max(from_ns, now_ns - std::min(now_ns, kLongest_ns));
-            mean = mean_since(since_ns);
-        }
+        newest_rests = !mean.accelerations_known && !again_ && now_ns < from_ns + window_ns_ + window_ns_ / 2 &&
+                       newest.n >= kMinNewest && newest.sd_kg <= kStill * std::abs(newest.mass_kg) &&
+                       part_is_flat(newest, kNewest);
+        // with vibration or noise the mean is longer
+        since_ns = newest_rests ? newest_ns : std::max(from_ns, now_ns - std::min(now_ns, kLongest_ns));
+        mean = newest_rests ? newest : mean_since(since_ns);
     }
     if (!after) mean = window;
     const double unknown_m_s2 = mean.accelerations_known ? kReported * mean.max_acceleration_m_s2
@@ -275,7 +270,7 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
         mean.sd_kg <= std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
         std::abs(mean.trend_kg) <= 2 * std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
         (mean.accelerations_known ||
-         (flat(mean, part) && !moved(window, again_ ? quiet_ns : std::max(quiet_ns, lifted_ns + excused_ns), now_ns)));
+         ((newest_rests || flat(mean)) && !moved(window, again_ ? quiet_ns : std::max(quiet_ns, lifted_ns + excused_ns), now_ns)));
     const bool stable = after && dragged_kg <= 0 && sure(mean.mass_kg, sd_kg) && still && found.doubts == 0;
     now_ = {stable ? TACTILED_WEIGHT_STABLE : TACTILED_WEIGHT_ESTIMATING, mean.mass_kg - tare_kg_,
             std::isfinite(sd_kg) ? sd_kg : kNaN, lift_off_ns};

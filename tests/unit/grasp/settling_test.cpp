@@ -30,9 +30,9 @@ TEST(GraspSettling, AnAccelerationWithinTheWindowNeedsNoWholeWindowAfterIt) {
 }
 
 TEST(GraspSettling, TheWeightIsHeldOnWhileTheAccelerationLeavesTheWindow) {
-    for (const double late_s : {0.0, 0.01, 0.02, 0.03}) {
+    for (const double late_s : {0.02, 0.025, 0.03}) {
         Hand hand;
-        ASSERT_FALSE(std::isnan(stable_after_s(hand, late_s)));
+        ASSERT_LT(stable_after_s(hand, late_s, 5), 0.09);
         hand.each = [&](const tactiled_grasp& g) {
             ASSERT_EQ(g.weight_state, TACTILED_WEIGHT_STABLE) << late_s;
             ASSERT_NEAR(g.weight_kg, kMass_kg, 0.004 * kMass_kg);
@@ -55,7 +55,7 @@ TEST(GraspSettling, AShortPartMayTrendByLessThanAWholeWindow) {
 // Every phase of a swing that begins with the lift, so that a crest is in the first part of a window that could suffice.
 TEST(GraspSettling, NoSwingIsAWeightAtItsCrest) {
     for (const double frequency_Hz : {0.7, 1.0, 1.4})
-        for (const double a_m_s2 : {2.0, 4.0})
+        for (const double a_m_s2 : {3.0, 4.0})
             for (int phase = 0; phase < 24; ++phase) {
                 Hand hand;
                 const auto load_N = [&](double t_s) {
