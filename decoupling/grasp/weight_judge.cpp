@@ -265,12 +265,12 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     const double drifted_kg = after ? this->drifted_kg(jaws, std::max(quiet_ns, lifted_ns + excused_ns)) : 0;
     const double sd_kg =
         std::hypot(std::hypot(moving_kg, fixed_kg), std::hypot(std::max(0.0, dragged_kg), drifted_kg), found.sd_kg);
-    const bool still =
-        mean.blocks_sd_kg <= std::hypot(kShaken * mean.mass_kg, fixed_kg) &&
-        mean.sd_kg <= std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
-        std::abs(mean.trend_kg) <= 2 * std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
-        (mean.accelerations_known ||
-         ((newest_rests || flat(mean)) && !moved(window, again_ ? quiet_ns : std::max(quiet_ns, lifted_ns + excused_ns), now_ns)));
+    const bool still = mean.blocks_sd_kg <= std::hypot(kShaken * mean.mass_kg, fixed_kg) &&
+                       mean.sd_kg <= std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
+                       std::abs(mean.trend_kg) <= 2 * std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
+                       (mean.accelerations_known ||
+                        ((newest_rests || flat(mean)) &&
+                         !moved(window, again_ ? quiet_ns : std::max(quiet_ns, lifted_ns + excused_ns), now_ns)));
     const bool stable = after && dragged_kg <= 0 && sure(mean.mass_kg, sd_kg) && still && found.doubts == 0;
     now_ = {stable ? TACTILED_WEIGHT_STABLE : TACTILED_WEIGHT_ESTIMATING, mean.mass_kg - tare_kg_,
             std::isfinite(sd_kg) ? sd_kg : kNaN, lift_off_ns};

@@ -254,8 +254,7 @@ namespace {
 
 // Returns nothing if the known weight was refused in the last of the lifts in which it was shown.
 std::optional<std::vector<Outcome>> session_of(std::uint64_t seed, const std::vector<double>& masses_kg, int times,
-                                               int shown, const Conditions& c,
-                                               const std::vector<grasp::Object>& taught) {
+                                               int shown, const Conditions& c, const std::vector<grasp::Object>& taught) {
     const std::vector<Plan> plans = plan(seed, masses_kg, times, shown, c);
     std::vector<Recording> jaws;
     Times when;

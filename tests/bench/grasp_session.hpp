@@ -39,7 +39,7 @@ struct Conditions {
     bool tell_acceleration = false;  // at 125 Hz, 8 ms late, 3 % off
     // Lifted twice at first and reported the second time, and lifted again where the estimator refuses it; 0 = none.
     double known_kg = 0.060;
-    bool ignore_domain = false;      // trusts forces beyond the calibration
+    bool ignore_domain = false;  // trusts forces beyond the calibration
     double window_ms = 100;
     std::string calibration = "calibrate_hair_wide.toml";
     bool mirrored = true;  // as in the scene; false: the same number of loads, none of them mirrored

@@ -41,7 +41,7 @@ TEST(GraspSettling, TheWeightIsHeldOnWhileTheAccelerationLeavesTheWindow) {
     }
 }
 
-// 12 % of the weight a second: 0.42 % between the halves of 70 ms, and 0.6 % between those of 100 ms.
+// The load grows by 12 % of the weight a second. The halves of 70 ms differ by 0.42 %, which a whole window may.
 TEST(GraspSettling, AShortPartMayTrendByLessThanAWholeWindow) {
     for (const int sign : {-1, 1}) {
         Hand hand;
@@ -59,8 +59,7 @@ TEST(GraspSettling, NoSwingIsAWeightAtItsCrest) {
             for (int phase = 0; phase < 24; ++phase) {
                 Hand hand;
                 const auto load_N = [&](double t_s) {
-                    return kWeight_N *
-                           (1 + a_m_s2 / kG * std::sin(2 * M_PI * (frequency_Hz * t_s + double(phase) / 24)));
+                    return kWeight_N * (1 + a_m_s2 / kG * std::sin(2 * M_PI * (frequency_Hz * t_s + double(phase) / 24)));
                 };
                 hand.close().go(0.1, 2, load_N(0));
                 hand.each = [&](const tactiled_grasp& g) {
@@ -74,7 +73,7 @@ TEST(GraspSettling, NoSwingIsAWeightAtItsCrest) {
 
 TEST(GraspSettling, NoiseThatHidesASwingInTheShortPartMakesItWait) {
     Hand quiet, noisy;
-    noisy.noise_N = 0.006;  // 0.3 % of the weight in a block of 5 ms of two jaws
+    noisy.noise_N = 0.006;  // the blocks of 5 ms scatter by 0.2 % of the weight
     const double quiet_s = stable_after_s(quiet, 0.03), noisy_s = stable_after_s(noisy, 0.03);
     EXPECT_LT(quiet_s, 0.08);
     EXPECT_GT(noisy_s, 0.1);
