@@ -107,6 +107,7 @@ private:
     [[nodiscard]] bool moved(const Mean& window, std::uint64_t from_ns, std::uint64_t now_ns) const noexcept;
     void take_first(const Findings& found) noexcept;
     [[nodiscard]] bool flat(const Mean& mean) const noexcept;
+    [[nodiscard]] bool part_is_flat(const Mean& mean, double part) const noexcept;
     [[nodiscard]] double drifted_kg(std::span<const Contact> jaws, std::uint64_t from_ns) const noexcept;
     [[nodiscard]] double unexplained_kg(double mass_kg) const noexcept;
     void forget_first() noexcept;
@@ -173,6 +174,7 @@ private:
     bool again_ = false;             // weighing began again in this grasp, as the load changed
     std::uint64_t balanced_ns_ = 0;  // when the presses last balanced without an acceleration
     std::uint64_t begun_ns_ = 0, agreed_ns_ = 0;
+    std::uint64_t rests_ns_ = 0;  // begin of the window of the first stable value
     double held_kg_ = 0, held_sd_kg_ = 0, held_blocks_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1;
     Weighed now_;
 };

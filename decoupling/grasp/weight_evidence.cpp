@@ -196,4 +196,13 @@ bool Weight::flat(const Mean& mean) const noexcept {
            std::abs(mean.bend_kg) <= std::hypot(kBends * weight_kg, noise_kg);
 }
 
+// The same for a part of a window. A swing trends in proportion to the length and bends in proportion to its square. The
+// limits are smaller by one more power, as a shorter mean has more noise, and noise does not raise them.
+bool Weight::part_is_flat(const Mean& mean, double part) const noexcept {
+    const double noise_kg = 3 * mean.jitter_kg / std::sqrt(double(mean.n) / 4);
+    const double weight_kg = part * part * std::max(std::abs(mean.mass_kg), contact_N_ / gravity_G_.norm());
+    return noise_kg <= kNoisy * weight_kg && std::abs(mean.trend_kg) <= kTrends * weight_kg &&
+           std::abs(mean.bend_kg) <= part * kBends * weight_kg;
+}
+
 }  // namespace tactiled::grasp

@@ -28,6 +28,11 @@ constexpr double kSure = 0.2;     // relative deviation above which no weight is
 // From half of the load to nine tenths of it; lifts in the tests take 0.05 to 0.3 s in all.
 constexpr std::uint64_t kSlowly_ns = 250'000'000;
 constexpr std::uint64_t kQuiet_ns = 500'000'000;  // half a period of a swing of 1 Hz
+// The load reaches nine tenths some time before the object leaves the table, so that the arm may still accelerate where
+// the window begins. This part of the window suffices if it is at rest; it must have enough blocks to show noise and
+// bend.
+constexpr double kNewest = 0.7;
+constexpr std::size_t kMinNewest = 8;
 
 double square(double x) noexcept { return x * x; }
 
@@ -209,7 +214,7 @@ void Weight::judge(std::span<const Contact> jaws, std::uint64_t now_ns) noexcept
     for (const Contact& jaw : jaws)
         if (!jaw.zero_sd_N().allFinite())
             return fails(TACTILED_WEIGHT_ESTIMATING);  // after a discontinuity, until the next free phase
-    const Mean window = mean_since(std::max(window_begin_ns, begun_ns_));
+    const Mean window = mean_since(std::max({window_begin_ns, begun_ns_, held_known_ ? rests_ns_ : 0}));
     if (window.n == 0) return;
     if (held_known_)
         publish_held(window, jaws, now_ns);
@@ -230,10 +235,16 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     if (now_ns < from_ns - (last_ns - lift_off_ns) + window_ns_)
         late = 0;  // without this step there would be no weight yet, either
     const bool after = mean.n >= 4 && now_ns >= from_ns + window_ns_;
-    // with vibration or noise the mean is longer
+    bool newest_rests = false;
     if (after && (mean.sd_kg > kStill * std::abs(mean.mass_kg) || !flat(mean))) {
-        since_ns = std::max(from_ns, now_ns - std::min(now_ns, kLongest_ns));
-        mean = mean_since(since_ns);
+        const std::uint64_t newest_ns = now_ns - std::min(now_ns, std::uint64_t(kNewest * double(window_ns_)));
+        const Mean newest = mean_since(newest_ns);
+        newest_rests = !mean.accelerations_known && !again_ && now_ns < from_ns + window_ns_ + window_ns_ / 2 &&
+                       newest.n >= kMinNewest && newest.sd_kg <= kStill * std::abs(newest.mass_kg) &&
+                       part_is_flat(newest, kNewest);
+        // with vibration or noise the mean is longer
+        since_ns = newest_rests ? newest_ns : std::max(from_ns, now_ns - std::min(now_ns, kLongest_ns));
+        mean = newest_rests ? newest : mean_since(since_ns);
     }
     if (!after) mean = window;
     const double unknown_m_s2 = mean.accelerations_known ? kReported * mean.max_acceleration_m_s2
@@ -254,12 +265,12 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     const double drifted_kg = after ? this->drifted_kg(jaws, std::max(quiet_ns, lifted_ns + excused_ns)) : 0;
     const double sd_kg =
         std::hypot(std::hypot(moving_kg, fixed_kg), std::hypot(std::max(0.0, dragged_kg), drifted_kg), found.sd_kg);
-    const bool still =
-        mean.blocks_sd_kg <= std::hypot(kShaken * mean.mass_kg, fixed_kg) &&
-        mean.sd_kg <= std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
-        std::abs(mean.trend_kg) <= 2 * std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
-        (mean.accelerations_known ||
-         (flat(mean) && !moved(window, again_ ? quiet_ns : std::max(quiet_ns, lifted_ns + excused_ns), now_ns)));
+    const bool still = mean.blocks_sd_kg <= std::hypot(kShaken * mean.mass_kg, fixed_kg) &&
+                       mean.sd_kg <= std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
+                       std::abs(mean.trend_kg) <= 2 * std::hypot(kStill * mean.mass_kg, fixed_kg / 2) &&
+                       (mean.accelerations_known ||
+                        ((newest_rests || flat(mean)) &&
+                         !moved(window, again_ ? quiet_ns : std::max(quiet_ns, lifted_ns + excused_ns), now_ns)));
     const bool stable = after && dragged_kg <= 0 && sure(mean.mass_kg, sd_kg) && still && found.doubts == 0;
     now_ = {stable ? TACTILED_WEIGHT_STABLE : TACTILED_WEIGHT_ESTIMATING, mean.mass_kg - tare_kg_,
             std::isfinite(sd_kg) ? sd_kg : kNaN, lift_off_ns};
@@ -274,6 +285,7 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     held_kg_ = mean.mass_kg;
     held_sd_kg_ = moving_kg;
     held_blocks_sd_kg_ = mean.blocks_sd_kg;
+    rests_ns_ = since_ns;
     agreed_ns_ = balanced_ns_ = block_before_ns_ = now_ns;
     take_first(found);
 }
@@ -290,7 +302,7 @@ double Weight::newest_departs_kg() const noexcept {
 // for longer than arms do.
 void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std::uint64_t now_ns) noexcept {
     const double systematic = systematic_kg(held_kg_, jaws), off_kg = window.mass_kg - held_kg_;
-    const std::span<const JawForces> forces = forces_since(now_ns - std::min(now_ns, window_ns_), jaws);
+    const std::span<const JawForces> forces = forces_since(std::max(now_ns - std::min(now_ns, window_ns_), rests_ns_), jaws);
     const double held_sd_kg = std::hypot(systematic, held_sd_kg_);
     Findings found = examine(forces, held_kg_, held_sd_kg, 0);
     if ((found.doubts & TACTILED_DOUBT_BALANCE) == 0)

@@ -1,6 +1,7 @@
 // The figures of decoupling/grasp: its estimator beside the simulator's truth, in process. Everything is deterministic by
 // seed; no figure is a time of this machine.
-//   grasp_bench weigh [SESSIONS [SEED]]      weight, its deviation, how soon, which object; 20 grasps a session
+//   grasp_bench weigh [SESSIONS [SEED [ROW]]]   weight, its deviation, how soon, which object; 20 grasps a session; ROW:
+//   only the other conditions with this text in their name
 //   grasp_bench slip [SLIPS [SEED]]          gross slips found, incipient before gross
 //   grasp_bench transport [HOURS [SEED]]     false alarms of vibrating transport
 //   grasp_bench figure [SESSIONS [SEED]]     CSV of error against time after lift-off, and decoupling/grasp/weight.svg
@@ -44,10 +45,10 @@ double percent(int part, int of) { return of > 0 ? 100.0 * part / of : 0; }
 void print_row(const std::string& name, const Figures& f) {
     fmt::print(
         "| {} | {} | {:+.2f} | {:.2f} | {:.2f} | {:.0f} / {:.0f} | {:.0f} / {:.0f} | {:.1f} | {:.1f} | {:.1f} | {:.1f} | {} "
-        "| {} |\n",
+        "| {} | {:.2f} |\n",
         name, f.n, 100 * f.bias, 100 * f.sd, 100 * f.said_sd, percent(f.within_1_sd, f.n), percent(f.within_2_sd, f.n),
         1e3 * f.p50_s, 1e3 * f.p95_s, percent(f.in_300_ms, f.n), percent(f.right, f.n), percent(f.unknown, f.n),
-        percent(f.wrong, f.n), f.wrong_kind, f.never);
+        percent(f.wrong, f.n), f.wrong_kind, f.never, f.shown);
 }
 
 void print_head() {
@@ -55,7 +56,7 @@ void print_head() {
         "| object, sensed jaws of 3 | grasps | bias % | sd % | published sd % | within 1 / 2 sd, % | stable p50 / p95, ms "
         "after "
         "lift-off | within 300 ms, % | right object, % | unknown, % | wrong, % | ball and egg mixed up | never stable "
-        "|\n|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+        "| lifts of the known weight |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
 }
 
 // Returns the outcomes as if the zero were that of the clamped phase, for one jaw: its reading there, without load,
@@ -81,13 +82,14 @@ void print_leak(const std::vector<Outcome>& outcomes) {
                1e3 * std::sqrt(squares_N2 / double(n) - mean_N * mean_N));
 }
 
-void print_weigh(int sessions, std::uint64_t seed) {
+// `row`: empty, or a part of the name of the only other conditions that are measured.
+void print_weigh(int sessions, std::uint64_t seed, const std::string& row) {
     const int teaching = std::max(2, sessions / 5);
     fmt::print("{} sessions of 20 grasps, each with three other hair sensors; objects taught in {} others; seed {}\n\n",
                sessions, teaching, seed);
-    print_head();
-    const auto outcomes = weigh(seed, sessions, teaching, {});
-    for (std::size_t sensed = 1; sensed <= 3; ++sensed)
+    if (row.empty()) print_head();
+    const auto outcomes = row.empty() ? weigh(seed, sessions, teaching, {}) : std::vector<Outcome>{};
+    for (std::size_t sensed = 1; sensed <= 3 && row.empty(); ++sensed)
         for (std::size_t k = 0; k < 4; ++k) print_row(fmt::format("{}, {}", kName[k], sensed), figures(outcomes, k, sensed));
     struct Other {
         const char* name;
@@ -109,10 +111,13 @@ void print_weigh(int sessions, std::uint64_t seed) {
     };
     fmt::print("\nAll four objects, one jaw with a sensor, a quarter of the sessions:\n\n");
     print_head();
-    print_row("as above", figures(outcomes, SIZE_MAX, 1));
-    print_row("the same, with the clamped phase as zero", figures(from_clamped(outcomes), SIZE_MAX, 1));
-    print_leak(outcomes);
+    if (row.empty()) {
+        print_row("as above", figures(outcomes, SIZE_MAX, 1));
+        print_row("the same, with the clamped phase as zero", figures(from_clamped(outcomes), SIZE_MAX, 1));
+        print_leak(outcomes);
+    }
     for (const Other& o : others) {
+        if (std::string(o.name).find(row) == std::string::npos) continue;
         const auto these = weigh(seed, std::max(1, sessions / 4), std::max(2, sessions / 10), o.c);
         print_row(o.name, figures(these, SIZE_MAX, 1));
         if (!o.c.mirrored) print_leak(these);
@@ -259,7 +264,7 @@ int main(int argc, char** argv) {
     const std::uint64_t seed = argc > 3 ? std::strtoull(argv[3], nullptr, 10) : 1;
     try {
         if (mode == "weigh")
-            print_weigh(n > 0 ? n : 40, seed);
+            print_weigh(n > 0 ? n : 40, seed, argc > 4 ? argv[4] : "");
         else if (mode == "slip")
             print_slips(n > 0 ? n : 1000, seed);
         else if (mode == "transport")

@@ -9,6 +9,7 @@
 #include <map>
 #include <numbers>
 #include <numeric>
+#include <optional>
 #include <random>
 #include <sstream>
 
@@ -19,6 +20,7 @@ namespace {
 
 constexpr double kPi = std::numbers::pi, kGravity_m_s2 = 9.80665;
 constexpr std::size_t kJaws = 3;
+constexpr int kMaxShown = 12;  // lifts of the known weight
 constexpr double kStiffer =
     3;  // a bonded skin along its normal than along itself: how jaws share what goes across the palm's axis
 const std::string kWorld = "friction_limit,partial_slip,stick_slip,texture,adhesion";
@@ -82,7 +84,8 @@ std::string scene_of(const std::vector<Plan>& plans, std::size_t jaw, std::uint6
     return text + "[[motion]]\ndo = \"hold\"\nfor_s = 0.4\n";
 }
 
-std::vector<Plan> plan(std::uint64_t seed, const std::vector<double>& masses_kg, int times, const Conditions& c) {
+// The known weight is lifted `shown` times at first.
+std::vector<Plan> plan(std::uint64_t seed, const std::vector<double>& masses_kg, int times, int shown, const Conditions& c) {
     std::mt19937_64 random(seed * 1000003 + 17);
     const auto uniform = [&](double from, double to) { return from + (to - from) * double(random() >> 11) * 0x1p-53; };
     const auto normal = [&] {  // sum of twelve: the same on every machine
@@ -93,7 +96,7 @@ std::vector<Plan> plan(std::uint64_t seed, const std::vector<double>& masses_kg,
     std::vector<std::size_t> order;
     for (std::size_t i = 0; i < masses_kg.size(); ++i) order.insert(order.end(), std::size_t(times), i);
     for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[random() % i]);
-    if (c.known_kg > 0) order.insert(order.begin(), 2, SIZE_MAX);
+    if (c.known_kg > 0) order.insert(order.begin(), std::size_t(shown), SIZE_MAX);
     std::vector<Plan> plans;
     for (const std::size_t object : order) {
         Plan p{};
@@ -247,9 +250,12 @@ Calibration calibrate(const std::string& calibrate_scene, int serial, bool mirro
 
 std::unique_ptr<Decoupler> decoupler(const Calibration& calibration) { return make_decoupler(calibration); }
 
-std::vector<Outcome> session(std::uint64_t seed, const std::vector<double>& masses_kg, int times, const Conditions& c,
-                             const std::vector<grasp::Object>& taught) {
-    const std::vector<Plan> plans = plan(seed, masses_kg, times, c);
+namespace {
+
+// Returns nothing if the known weight was refused in the last of the lifts in which it was shown.
+std::optional<std::vector<Outcome>> session_of(std::uint64_t seed, const std::vector<double>& masses_kg, int times,
+                                               int shown, const Conditions& c, const std::vector<grasp::Object>& taught) {
+    const std::vector<Plan> plans = plan(seed, masses_kg, times, shown, c);
     std::vector<Recording> jaws;
     Times when;
     for (std::size_t j = 0; j < kJaws; ++j) {
@@ -312,12 +318,21 @@ std::vector<Outcome> session(std::uint64_t seed, const std::vector<double>& mass
                 now[0].clamped_leak == 0)  // scaled as the weight is, but for the known weight: of a second order
                 now[0].clamped_leak = -(jaws[0].samples[at].force_S_N[1] - zero_N[0]) / (plan.mass_kg * g / kJaws);
         }
-        if (plan.object == SIZE_MAX && p > 0 && !known && !c.ignore_domain)
-            throw std::runtime_error("a known weight was refused");
+        if (plan.object == SIZE_MAX && p + 1 == std::size_t(shown) && !known && !c.ignore_domain) return std::nullopt;
         if (plan.object == SIZE_MAX) continue;
         outcomes.insert(outcomes.end(), now.begin(), now.end());
     }
+    for (Outcome& outcome : outcomes) outcome.shown = shown;
     return outcomes;
+}
+
+}  // namespace
+
+std::vector<Outcome> session(std::uint64_t seed, const std::vector<double>& masses_kg, int times, const Conditions& c,
+                             const std::vector<grasp::Object>& taught) {
+    for (int shown = 2; shown <= kMaxShown; ++shown)
+        if (auto outcomes = session_of(seed, masses_kg, times, shown, c, taught)) return *std::move(outcomes);
+    throw std::runtime_error(fmt::format("a known weight was refused in {} lifts", kMaxShown));
 }
 
 }  // namespace tactiled::bench

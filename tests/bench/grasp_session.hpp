@@ -37,8 +37,9 @@ struct Conditions {
     double max_acceleration_m_s2 = 2;
     double min_acceleration_m_s2 = 0.3;
     bool tell_acceleration = false;  // at 125 Hz, 8 ms late, 3 % off
-    double known_kg = 0.060;         // lifted twice at first and reported the second time; 0 = none
-    bool ignore_domain = false;      // trusts forces beyond the calibration
+    // Lifted twice at first and reported the second time, and lifted again where the estimator refuses it; 0 = none.
+    double known_kg = 0.060;
+    bool ignore_domain = false;  // trusts forces beyond the calibration
     double window_ms = 100;
     std::string calibration = "calibrate_hair_wide.toml";
     bool mirrored = true;  // as in the scene; false: the same number of loads, none of them mirrored
@@ -62,6 +63,7 @@ struct Outcome {
     std::uint32_t object_id = 0;
     float probability = 0;
     double lift_off_error_s = 0;  // published less true
+    int shown = 2;                // lifts of the known weight in this session
     double clamped_leak =
         0;  // shear along the axis that jaw 1 reads before it is lifted, though there is none, of the weight
     std::array<Moment, kMoments> after{};

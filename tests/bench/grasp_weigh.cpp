@@ -37,7 +37,7 @@ Figures figures(const std::vector<Outcome>& outcomes, std::size_t object, std::s
     std::vector<double> after_s;
     for (const Outcome& o : outcomes) {
         if ((object != SIZE_MAX && o.object != object) || o.sensed != sensed) continue;
-        ++f.n;
+        f.shown += (o.shown - f.shown) / ++f.n;
         if (std::isnan(o.stable_after_s)) {
             ++f.never;
             continue;

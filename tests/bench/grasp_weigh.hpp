@@ -19,6 +19,7 @@ struct Figures {
     double bias = 0, sd = 0;  // relative to the weight
     double said_sd = 0;       // published sd, mean
     double p50_s = 0, p95_s = 0;
+    double shown = 0;  // lifts of the known weight until it was accepted, mean
 };
 // Statistics of one object (SIZE_MAX: all) with that number of sensed jaws, from the first stable value.
 Figures figures(const std::vector<Outcome>& outcomes, std::size_t object, std::size_t sensed);
