@@ -88,6 +88,8 @@ class Values(Base):
         stream = Stream(web)
         hello = stream.until(lambda name, _: name == "hello")
         self.assertEqual([s["name"] for s in hello["sensors"]], ["left"])
+        page = (PAGE / "app.js").read_text()
+        self.assertEqual(set(hello["reasons"]), set(re.findall(r'"([a-z-]+)": "', page[page.index("kSentences"):page.index("kResults")])))
         frame = stream.until(lambda name, _: name == "frame")
         self.assertEqual(frame["sensors"][0]["force_N"], force_N)
         self.assertEqual(frame["sensors"][0]["low"][2], -3.01)
@@ -116,7 +118,9 @@ class Values(Base):
         self.daemon.start()
         frame = stream.until(lambda name, data: name == "frame" and data["alive"] and data["sensors"][0]["quality"] == 1, 10)
         self.assertEqual(frame["sensors"][0]["force_N"], [1, 2, -3])
-        texts = [e["text"] for e in json.loads(web.ask("/api/events")[2])["events"]]
+        events = json.loads(web.ask("/api/events")[2])
+        jsonschema.validate(events, {"$ref": "#/definitions/events", "definitions": json.loads(web.ask("/api/schema")[2])["definitions"]})
+        texts = [e["text"] for e in events["events"]]
         self.assertTrue(any("does not respond" in t for t in texts), texts)
         self.assertTrue(any("started, pid" in t for t in texts), texts)
         past = self.past(web)
@@ -351,6 +355,26 @@ class Page(unittest.TestCase):
                 for url in re.findall(r"(?:https?:)?//[a-z0-9.-]+\.[a-z]{2,}", file.read_text()):
                     self.assertIn("github.com/leeoniya/uPlot", file.read_text()[file.read_text().index(url):][:80], (file, url))
                 self.assertNotIn("@import", file.read_text())
+
+    def test_every_result_of_a_command_has_words(self):
+        page = (PAGE / "app.js").read_text()
+        words = re.findall(r'"((?:[^"])+)"', page[page.index("const kResults"):page.index("const byId")])
+        layout = (ROOT / "node/include/tactiled/layout.h").read_text()
+        self.assertEqual(len(words), 1 + max(map(int, re.findall(r"TACTILED_COMMAND_\w+\s*=\s*(\d+)", layout))))
+
+    def test_texts_have_the_contrast_that_wcag_asks_for_in_light_and_dark(self):
+        def luminance(colour):
+            digits = colour if len(colour) == 6 else "".join(2 * c for c in colour)
+            linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (int(digits[i:i + 2], 16) / 255 for i in (0, 2, 4))]
+            return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+        schemes = re.findall(r":root \{(.*?)\}", (PAGE / "look.css").read_text(), re.S)
+        self.assertEqual(len(schemes), 2)
+        for scheme in schemes:
+            colours = dict(re.findall(r"--(\w+): #([0-9a-f]+)", scheme))
+            for paper in ("paper", "card"):
+                for text, least in (("ink", 4.5), ("faint", 4.5), ("good", 4.5), ("uncertain", 4.5), ("bad", 4.5), ("x", 3), ("y", 3), ("z", 3)):
+                    a, b = sorted((luminance(colours[paper]), luminance(colours[text])))
+                    self.assertGreaterEqual((b + 0.05) / (a + 0.05), least, (paper, text, colours))
 
     def test_the_plot_library_is_the_released_file(self):
         for line in (PAGE / "SHA256SUMS").read_text().splitlines():

@@ -89,7 +89,8 @@ function take(next) {
 function why_stale() {
   if (!frame || offset_ms === null) return failure;
   const now_ms = performance.now(), age_ms = now_ms - offset_ms - frame.t_s * 1000;
-  if (age_ms > kLate_ms) return `the newest value is ${(age_ms / 1000).toFixed(1)} s old: the server or the network does not respond`;
+  // Whole seconds, so that a screen reader can finish the sentence.
+  if (age_ms > kLate_ms) return `the newest value is ${age_ms < 1000 ? "0.3" : Math.floor(age_ms / 1000)} s old or more: the server or the network does not respond`;
   well_ms = now_ms;
   return frame.alive ? "" : frame.why;
 }
