@@ -112,7 +112,7 @@ void put_links(Text& text, const Segment& segment) {
 std::string hello_message(const View& view, const std::string& run, bool has_commands) {
     const Segment& segment = *view.segment;
     nlohmann::json out{{"run", run},
-                       {"page", assets_version()},
+                       {"page", std::string(assets_version())},
                        {"t_s", double(view.taken_ns) / 1e9},
                        {"commands", has_commands},
                        {"reasons", ctl::kReasonWords},

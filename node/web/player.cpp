@@ -146,6 +146,8 @@ void Player::play(mcap::MessageFile& file) {
         if (last_ns != 0 && sample.t_ns > last_ns) due_ns += std::min(sample.t_ns - last_ns, kMaxPauseNs);
         last_ns = std::max(last_ns, sample.t_ns);
         wait_until(due_ns);
+        // A file may say anything; the page and other readers rely on this.
+        if (sample.quality >= TACTILED_BAD) tactiled_invalidate(&sample, 0);
         sample.t_published_ns = monotonic_ns();
         sample.t_ns = std::min(due_ns, sample.t_published_ns);
         sample.sequence = node_.count[i]++;

@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 import unittest
+import zlib
 
 import jsonschema
 from prometheus_client.parser import text_string_to_metric_families
@@ -200,6 +201,30 @@ class Values(Base):
             self.assertEqual(of(web.ask("/metrics")[2], "tactiled_up"), 0)
 
 
+def records(data, at):
+    """Begin and end of the content of each record of an MCAP file, with its kind."""
+    while at + 9 <= len(data):
+        kind, size = struct.unpack_from("<BQ", data, at)
+        yield kind, at + 9, at + 9 + size
+        at += 9 + size
+
+
+def with_quality(data, quality):
+    """An uncompressed recording in which every second sample has this quality, and its numbers."""
+    data, samples = bytearray(data), set()
+    for kind, begin, end in records(data, 8):
+        if kind == 4 and b"/sample" in data[begin:end]:
+            samples.add(data[begin:begin + 2])
+        if kind != 6:
+            continue
+        first = begin + 28 + 4 + struct.unpack_from("<I", data, begin + 28)[0] + 8
+        messages = [at for inner, at, _ in records(data[:end], first) if inner == 5 and bytes(data[at:at + 2]) in map(bytes, samples)]
+        for at in messages[::2]:
+            struct.pack_into("<I", data, at + 22 + 40, quality)
+        struct.pack_into("<I", data, begin + 24, zlib.crc32(data[first:end]))
+    return bytes(data)
+
+
 class Recording(Base):
     def test_a_recording_is_shown_with_its_samples_and_again_at_its_end(self):
         file = self.daemon.folder / "pick.mcap"
@@ -246,6 +271,22 @@ class Recording(Base):
                 self.assertGreater(of(metrics, "tactiled_sensor_samples_total", sensor=name), 0)
             hello = Stream(web).until(lambda name, _: name == "hello")
             self.assertEqual([sensor["name"] for sensor in hello["sensors"]], names)
+
+    def test_a_quality_that_does_not_exist_has_no_value(self):
+        file = self.daemon.folder / "odd.mcap"
+        self.assertEqual(self.daemon.ctl("record", file, "--node", self.daemon.name, "--seconds", "1").returncode, 0)
+        file.write_bytes(with_quality(file.read_bytes(), 77))
+        with Web("gripper", file) as web:
+            self.addCleanup(shutil.rmtree, web.folder)
+            stream, seen = Stream(web), set()
+            until = time.monotonic() + 2.5
+            while time.monotonic() < until:
+                frame = stream.until(lambda name, _: name == "frame")
+                seen |= {(s["quality"], s["worst"], s["force_N"][2]) for s in frame["sensors"]}
+            stream.close()
+            self.assertEqual({quality for quality, _, _ in seen}, {1, BAD})
+            self.assertEqual({worst for _, worst, _ in seen} - {1, BAD}, set())
+            self.assertEqual({force for quality, _, force in seen if quality == BAD}, {None})
 
     def test_a_file_that_is_no_recording_is_refused(self):
         file = self.daemon.folder / "rows.csv"
