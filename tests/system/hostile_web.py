@@ -118,14 +118,14 @@ def crowd(kind, port):
         "1,984 requests, a byte each 0.2 s": lambda: Crowd(port, PLACES, lambda: half, drip=lambda: b"x"),
         "1,984 clients that take no answer": lambda: Crowd(port, PLACES, pick(b"GET /uPlot.js" + HEAD + b"\r\n" * 8), takes=False, buffer=2048),
         "1,000 clients that ask without a pause": lambda: Crowd(port, 1000, pick(b"GET /metrics" + HEAD + b"\r\n", b"GET /api/status" + HEAD + b"\r\n"), again=True),
-        "50 pages, opened again and again": lambda: Crowd(port, 50, lambda: b"GET /api/stream" + HEAD + b"\r\n", leaves=True),
+        "12 pages, opened again and again": lambda: Crowd(port, 12, lambda: b"GET /api/stream" + HEAD + b"\r\n", leaves=True),
         "200 pages of other origins and names": lambda: Crowd(port, 200, pick(*FOREIGN, *REFUSED), again=True),
         "200 clients with damaged requests": lambda: Crowd(port, 200, lambda: damaged(chance), again=True),
     }[kind]()
 
 
 KINDS = ("1,000 silent connections", "1,984 silent connections", "1,984 requests, a byte each 0.2 s", "1,984 clients that take no answer",
-         "1,000 clients that ask without a pause", "50 pages, opened again and again", "200 pages of other origins and names", "200 clients with damaged requests")
+         "1,000 clients that ask without a pause", "12 pages, opened again and again", "200 pages of other origins and names", "200 clients with damaged requests")
 
 
 class Hostile:
@@ -177,7 +177,7 @@ def main(seconds):
     print_revision()
     print("| beside | requests | p50 ms | p99 ms | longest ms | longest silence of a page, ms | CPU | memory |")
     for kind in (None, *KINDS, None):
-        with simulated_node(16) as daemon, Web(daemon.name, "--max-pages", "64", token=TOKEN) as web:
+        with simulated_node(16) as daemon, Web(daemon.name, token=TOKEN) as web:
             time.sleep(1.5)
             with Hostile(kind, web.port) if kind else threading.Lock():
                 begun, at = web.cpu_s(), time.monotonic()

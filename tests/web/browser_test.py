@@ -24,6 +24,7 @@ sys.path.insert(0, str(ROOT / "tests/system"))
 from daemon import Daemon, wait_for  # noqa: E402
 from simulated_node import simulated_node  # noqa: E402
 from unit_daemon import CALIBRATION, quality_is, unit_daemon  # noqa: E402
+from mcap_bytes import with_checksums  # noqa: E402
 from web_server import TOKEN, Stream, Web  # noqa: E402
 
 if not os.environ.get("TACTILED_MUST"):
@@ -341,7 +342,7 @@ class Others(Base):
         file = self.daemon.folder / "odd.mcap"
         self.assertEqual(self.daemon.ctl("record", file, "--node", name, "--seconds", "1").returncode, 0)
         odd = "<img src=x onerror=alert(1)>\"'>".encode()
-        file.write_bytes(file.read_bytes().replace(b"a_sensor_with_a_long_name_no_00", odd.ljust(31, b"&")))
+        file.write_bytes(with_checksums(file.read_bytes().replace(b"a_sensor_with_a_long_name_no_00", odd.ljust(31, b"&"))))
         web = Web("unused", file)
         self.addCleanup(shutil.rmtree, web.folder)
         self.addCleanup(web.__exit__)
