@@ -132,6 +132,7 @@ function greet(next) {
   put(byId("node"), next.node || "tactiled");
   byId("commands").hidden = !next.commands;
   unlock();
+  show();
 }
 
 class Card {
