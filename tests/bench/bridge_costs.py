@@ -3,7 +3,8 @@
 the segment in the same run, and where samples were lost on the way to the client; and how late the daemon publishes with all bridges and
 the page, beside none, in turns. Prints tables.
 
-    /usr/bin/python3 tests/bench/bridge_costs.py bridges [SENSORS [SECONDS [NAME...]]]   4 x (SECONDS + 9); names: rdt mqtt mqtt30 dds
+    /usr/bin/python3 tests/bench/bridge_costs.py bridges [SENSORS [SECONDS [NAME...]]]   4 x (SECONDS + 9); names: rdt mqtt mqtt30 dds;
+        with -stopped behind it the client stands still for 0.5 s
     /usr/bin/python3 tests/bench/bridge_costs.py beside [TURNS [SECONDS]]                TURNS x (SECONDS + 3)
 
 "bridge": samples that the bridge missed, and messages that it dropped. "on the way": messages that the broker dropped for the subscriber,
@@ -14,6 +15,7 @@ import json
 import pathlib
 import select
 import shutil
+import signal
 import socket
 import struct
 import subprocess
@@ -30,7 +32,8 @@ from simulated_node import Follower, print_lateness, print_revision, quantiles_u
 
 DOMAIN = "81"
 BROKER = shutil.which("mosquitto") or "/usr/sbin/mosquitto"
-Got = collections.namedtuple("Got", "us received expected on_the_way")  # us: of sensor s0; the others: of all sensors
+# us: of sensor s0; the others: of all sensors, but of s0 for received and expected of DDS
+Got = collections.namedtuple("Got", "us received expected on_the_way")
 
 
 def datagrams_without_room():
@@ -38,17 +41,18 @@ def datagrams_without_room():
     return int(values[names.index("RcvbufErrors")])
 
 
-def lines(*words):
-    """Starts a program; returns a function that ends it and returns its lines."""
-    out = tempfile.TemporaryFile("w+")
-    process = subprocess.Popen([str(w) for w in words], stdout=out)
+class Lines:
+    """A program with its output."""
 
-    def end():
-        process.terminate()
-        process.wait()
-        out.seek(0)
-        return out.read().splitlines()
-    return end
+    def __init__(self, *words):
+        self.out = tempfile.TemporaryFile("w+")
+        self.process = subprocess.Popen([str(w) for w in words], stdout=self.out)
+
+    def end(self):
+        self.process.terminate()
+        self.process.wait()
+        self.out.seek(0)
+        return self.out.read().splitlines()
 
 
 class Broker:
@@ -81,12 +85,12 @@ class Mqtt:
         self.words = ["--port", self.broker.port, "--rate-Hz", rate_Hz]
 
     def begin(self, seconds):
-        self.stop = lines("mosquitto_sub", "-p", self.broker.port, "-F", "%U %t %p", "-t", "tactiled/+/+/wrench")
+        self.client = Lines("mosquitto_sub", "-p", self.broker.port, "-F", "%U %t %p", "-t", "tactiled/+/+/wrench")
 
     def end(self, samples):
         dropped = self.broker.dropped()
         found = collections.defaultdict(list)
-        for line in self.stop():
+        for line in self.client.end():
             at, topic, text = line.split(" ", 2)
             found[topic.split("/")[2]].append((float(at), json.loads(text)))
         expected = received = 0
@@ -108,17 +112,20 @@ class Dds:
 
     def begin(self, seconds):
         self.before = datagrams_without_room()
-        self.stop = lines(BIN / "fastdds_reader", DOMAIN, 1000, *(f"rt/bench/s{n}/wrench" for n in range(self.sensors)))
+        self.client = Lines(BIN / "fastdds_reader", DOMAIN, 1000, *(f"rt/bench/s{n}/wrench" for n in range(self.sensors)))
 
     def end(self, samples):
         found = collections.defaultdict(list)
-        for line in self.stop():
+        for line in self.client.end():
             at, sent, name, _ = line.split(" ", 3)
             found[name].append((int(at), int(sent)))
         assert len(found) == self.sensors
-        rate = (samples[-1][0] - samples[0][0]) / (samples[-1][1] - samples[0][1])  # a WrenchStamped has a time and no number
-        expected = sum(rate * (each[-1][1] - each[0][1]) for each in found.values())
-        return Got([(at - sent) / 1000 for at, sent in found["s0"]], sum(len(each) - 1 for each in found.values()), round(expected),
+        # A WrenchStamped has a time and no number: the samples of s0 are those of the reader of the segment.
+        wall_ns = time.time_ns() - time.monotonic_ns()
+        measured = [t_ns + wall_ns for _, t_ns, *_ in samples]
+        begin, end = max(measured[0], found["s0"][0][1]) - 5e5, min(measured[-1], found["s0"][-1][1]) + 5e5
+        received, expected = (sum(begin < t < end for t in times) for times in ([sent for _, sent in found["s0"]], measured))
+        return Got([(at - sent) / 1000 for at, sent in found["s0"]], received, expected,
                    datagrams_without_room() - self.before)
 
     def __exit__(self, *_):
@@ -174,12 +181,13 @@ def rdt_client(seconds, *ports):
 
 
 CLIENTS = {"rdt": (Rdt, 0), "mqtt": (Mqtt, 0), "mqtt30": (Mqtt, 30), "dds": (Dds, 0)}
+STOPPED = "-stopped"
 
 
 def bridges(sensors=1, seconds=15.0, *names):
     print("| bridge | sensors | CPU | memory | received | lost | bridge: missed, dropped | on the way | p50 us | p99 us | segment p50 | segment p99 |")
     for name in names or CLIENTS:
-        make, rate_Hz = CLIENTS[name]
+        make, rate_Hz = CLIENTS[name.removesuffix(STOPPED)]
         with simulated_node(sensors) as daemon:
             time.sleep(1)
             client = make(daemon, sensors, rate_Hz)
@@ -188,6 +196,11 @@ def bridges(sensors=1, seconds=15.0, *names):
                 time.sleep(3)
                 reader = Follower(daemon.name, "s0", seconds)
                 time.sleep(1)
+                if name.endswith(STOPPED):
+                    process = getattr(client.client, "process", client.client)
+                    process.send_signal(signal.SIGSTOP)
+                    time.sleep(0.5)
+                    process.send_signal(signal.SIGCONT)
                 share, megabytes = share_and_memory(b.process.pid, seconds - 2)
                 samples = reader.result()
                 got = client.end(samples)
@@ -214,8 +227,8 @@ def all_of_them(daemon):
         stack.enter_context(Process("curl", "-sN", "-o", "/dev/null", f"http://127.0.0.1:{web}/api/stream"))
         rdt.begin(3600)
         stack.callback(rdt.client.kill)
-        stack.callback(lines("mosquitto_sub", "-p", broker.port, "-t", "tactiled/#"))
-        stack.callback(lines(BIN / "fastdds_reader", DOMAIN, 1000, "rt/bench/s0/wrench"))
+        stack.callback(Lines("mosquitto_sub", "-p", broker.port, "-t", "tactiled/#").end)
+        stack.callback(Lines(BIN / "fastdds_reader", DOMAIN, 1000, "rt/bench/s0/wrench").end)
         yield
 
 
