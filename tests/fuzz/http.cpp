@@ -50,14 +50,15 @@ struct Site {
                 return std::string(what);
             };
         };
-        server = std::make_unique<Server>(fd, Access{{"gripper.example"}, kToken},
-                                          Content{text("data: hello\n\n"), [] { return std::uint64_t(0); },
-                                                  [](std::uint64_t, std::string&) {}, text("status"), text("events"), text("metrics"),
-                                                  [] {
-                                                      ++commands;
-                                                      return std::vector<std::string>{"left"};
-                                                  },
-                                                  [] { return std::string(); }, [] { return std::string("node"); }});
+        server = std::make_unique<Server>(
+            fd, Access{{"gripper.example"}, kToken},
+            Content{text("data: hello\n\n"), [] { return std::uint64_t(0); }, [](std::uint64_t, std::string&) {},
+                    text("status"), text("events"), text("metrics"),
+                    [] {
+                        ++commands;
+                        return std::vector<std::string>{"left"};
+                    },
+                    [] { return std::string(); }, [] { return std::string("node"); }});
     }
     int fd;
     sockaddr_in to{};
@@ -112,7 +113,8 @@ struct Verdict {
 
 // One plain request without a body, or with a body of the stated length; nullopt: the model does not judge it.
 std::optional<Verdict> model(const std::string& bytes) {
-    static const std::regex whole("(GET|HEAD|POST) (/[a-z/]*) HTTP/1\\.1\r\n((?:[A-Za-z-]+: [!-~](?:[ -~]*[!-~])?\r\n)*)\r\n([\\s\\S]*)");
+    static const std::regex whole(
+        "(GET|HEAD|POST) (/[a-z/]*) HTTP/1\\.1\r\n((?:[A-Za-z-]+: [!-~](?:[ -~]*[!-~])?\r\n)*)\r\n([\\s\\S]*)");
     static const std::regex line("([A-Za-z-]+): ([^\r]*)\r\n");
     static const std::regex host_and_port("(.*?)(?::[0-9]{1,5})?");
     std::smatch part;
@@ -134,8 +136,8 @@ std::optional<Verdict> model(const std::string& bytes) {
     in6_addr unused;
     const bool is_six = name.size() > 2 && name.front() == '[' && name.back() == ']' &&
                         ::inet_pton(AF_INET6, name.substr(1, name.size() - 2).c_str(), &unused) == 1;
-    const bool is_known = name == "localhost" || name == "gripper.example" || is_six ||
-                          ::inet_pton(AF_INET, name.c_str(), &unused) == 1;
+    const bool is_known =
+        name == "localhost" || name == "gripper.example" || is_six || ::inet_pton(AF_INET, name.c_str(), &unused) == 1;
     const bool is_own = origin == "http://" + host || origin == "https://" + host;
     const bool is_foreign = (fetch == "cross-site" || fetch == "same-site") && fields["sec-fetch-mode"] != "navigate";
     const bool may_read = is_known && (origin.empty() || is_own) && !is_foreign;
