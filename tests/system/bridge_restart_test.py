@@ -30,7 +30,7 @@ def config(names):
 
 
 class Seen:
-    """What clients of all kinds got: by (kind, sensor), a list of (time of receipt, time of the sample or 0, forces)."""
+    """Values that clients of all kinds received: by (kind, sensor), a list of (time of receipt, time of the sample or 0, forces)."""
 
     def __init__(self):
         self.values = collections.defaultdict(list)
@@ -132,7 +132,7 @@ class Restart(unittest.TestCase):
         self.until_more(6)
         for key, values in self.seen.values.items():
             ages = [received - taken for received, taken, _ in values[begun[key]:] if taken]
-            # What it had read before, and the way to this client.
+            # A bridge may have read samples before it was stopped, and the way to this client takes time.
             self.assertLess(max(ages, default=0), STALE_MS / 1000 + 0.4, key)
             count = len(values) - begun[key]
             self.assertLess(count, 300, key)  # 400 samples came in 2 s

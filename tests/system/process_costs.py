@@ -1,4 +1,4 @@
-"""What a running process has cost, from /proc."""
+"""CPU time and memory of a running process, from /proc."""
 import os
 import pathlib
 import time

@@ -30,7 +30,7 @@ from simulated_node import simulated_node  # noqa: E402
 from web_server import PROGRAM, TOKEN, Stream, Web, column  # noqa: E402
 
 BAD = 3
-MAJOR_AT = 12  # of the layout, in tactiled_header
+MAJOR_AT = 12  # offset of the layout's major version in tactiled_header
 PAGE = ROOT / "node/web/page"
 SCHEMA = json.loads((ROOT / "node/web/api.schema.json").read_text())
 

@@ -226,7 +226,7 @@ class Page(Base):
         self.web.process.send_signal(signal.SIGCONT)
         wait_for(lambda: not self.is_stale(), 10, "the server")
         gaps = "const p = cards[0].past; return p.t_s.map((t, i) => [t - p.t_s[i - 1], p.columns[0].value[i - 1]]).filter(([d]) => d > 0.5)"
-        for _ in range(2):  # as it came, and from the history
+        for _ in range(2):  # first the frames as they arrived, then the history
             found = self.js(gaps)
             self.assertEqual([value for _, value in found], [None] * len(found))
             self.assertTrue(any(1.5 < d < 3 for d, _ in found), found)
