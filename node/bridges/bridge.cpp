@@ -24,6 +24,7 @@ std::string text_of(const Follower& follower, const Counts& counts, const std::s
 }  // namespace
 
 void add_common_options(CLI::App& app, Common& common) {
+    app.set_version_flag("--version", TACTILED_VERSION);
     ctl::add_node_option(&app, common.node);
     app.add_option("--sensor", common.sensors, "name of a sensor; again for more; default: all of the node");
     app.add_option("--rate-Hz", common.rate_Hz, "messages of a sensor in a second at most; 0: every sample")

@@ -17,7 +17,7 @@ struct Common {
     std::vector<std::string> sensors;  // empty: all
     double rate_Hz = 0;                // messages of a sensor at most; 0: every sample
 };
-// Adds --node, --runtime-dir, --sensor and --rate-Hz.
+// Adds --version, --node, --runtime-dir, --sensor and --rate-Hz.
 void add_common_options(CLI::App& app, Common& common);
 
 // A name as a level of a topic: letters, digits and underscores, not beginning with a digit.

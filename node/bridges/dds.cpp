@@ -155,7 +155,6 @@ int main(int argc, char** argv) {
     CLI::App app{
         "Publishes forces of a tactiled daemon as topics of ROS 2 (geometry_msgs/WrenchStamped by DDS), without ROS.",
         "tactiled-dds"};
-    app.set_version_flag("--version", TACTILED_VERSION);
     dds::Args args;
     add_common_options(app, args.common);
     app.add_option("--domain", args.domain.domain, "as ROS_DOMAIN_ID")->check(CLI::Range(0, 232))->capture_default_str();

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cerrno>
 
 namespace tactiled::bridges {
 namespace {
@@ -40,6 +41,7 @@ void Follower::look() {
         alive_ = true;
         why_.clear();
     }
+    if (!alive_ && !unreadable_.empty()) why_ = unreadable_;
     const std::uint32_t reloads = __atomic_load_n(&segment_.header().reloads, __ATOMIC_ACQUIRE);
     if (reloads % 2 == 0 && std::exchange(reloads_, reloads) != reloads) ++structure_;
 }
@@ -47,7 +49,9 @@ void Follower::look() {
 void Follower::attach(std::uint64_t now_ns) {
     if (now_ns - tried_ns_ < kTryEachNs) return;
     tried_ns_ = now_ns;
+    errno = 0;
     Segment fresh = Segment::try_open(node_name_, why_);
+    unreadable_ = fresh.is_open() || errno == ENOENT ? "" : why_;
     if (!fresh.is_open() || !fresh.is_current()) return;
     const auto& is = fresh.header();
     const bool first = !segment_.is_open();

@@ -46,6 +46,7 @@ private:
     void forget_wakes();
 
     std::string node_name_, why_ = "not looked yet";
+    std::string unreadable_;  // why the segment of a successor cannot be opened, such as that of a newer layout
     Segment segment_;
     bool alive_ = false;
     std::uint64_t structure_ = 0, missed_ = 0, tried_ns_ = 0, woke_ns_ = 0, asked_ns_ = 0;

@@ -188,7 +188,6 @@ int main(int argc, char** argv) {
     using namespace tactiled::bridges;
     CLI::App app{"Publishes forces, qualities and the grasp of a tactiled daemon as JSON to an MQTT broker.",
                  "tactiled-mqtt"};
-    app.set_version_flag("--version", TACTILED_VERSION);
     mqtt::Args args;
     args.common.rate_Hz = 10;
     add_common_options(app, args.common);

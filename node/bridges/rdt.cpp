@@ -311,7 +311,6 @@ int main(int argc, char** argv) {
     using namespace tactiled::bridges;
     CLI::App app{"Sends forces of a tactiled daemon by UDP, as an ATI Net F/T does (RDT). A value that is BAD is not sent.",
                  "tactiled-rdt"};
-    app.set_version_flag("--version", TACTILED_VERSION);
     rdt::Args args;
     add_common_options(app, args.common);
     app.add_option("--listen", args.listen, "ADDRESS:PORT of a sensor's stream; again for each further --sensor")

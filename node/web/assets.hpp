@@ -9,5 +9,7 @@ struct Asset {
     std::string_view path, type, content;  // path as in the URL
 };
 std::span<const Asset> assets();
+// Another text for other files: an open page then loads itself anew.
+std::string_view assets_version();
 
 }  // namespace tactiled::web

@@ -9,12 +9,14 @@ foreach(entry ${LIST})
     list(GET parts 1 file)
     list(GET parts 2 type)
     file(READ ${FOLDER}/${file} hex HEX)
+    string(APPEND contents "${hex}")
     string(REGEX REPLACE "([0-9a-f][0-9a-f])" "0x\\1," bytes "${hex}")
     string(APPEND arrays "const unsigned char bytes${n}[] = {${bytes}};\n")
     string(APPEND entries
         "        {\"${path}\", \"${type}; charset=utf-8\", {reinterpret_cast<const char*>(bytes${n}), sizeof bytes${n}}},\n")
     math(EXPR n "${n} + 1")
 endforeach()
+string(SHA256 version "${contents}")
 file(WRITE ${OUT} "#include \"node/web/assets.hpp\"
 
 namespace tactiled::web {
@@ -26,6 +28,8 @@ std::span<const Asset> assets() {
 ${entries}    };
     return all;
 }
+
+std::string_view assets_version() { return \"${version}\"; }
 
 }  // namespace tactiled::web
 ")

@@ -11,6 +11,7 @@
 #include "node/ctl/grasp_text.hpp"
 #include "node/ctl/status_text.hpp"
 #include "node/ctl/verb.hpp"
+#include "node/web/assets.hpp"
 
 namespace tactiled::web {
 namespace {
@@ -111,6 +112,8 @@ void put_links(Text& text, const Segment& segment) {
 std::string hello_message(const View& view, const std::string& run, bool has_commands) {
     const Segment& segment = *view.segment;
     nlohmann::json out{{"run", run},
+                       {"page", std::string(assets_version())},
+                       {"t_s", double(view.taken_ns) / 1e9},
                        {"commands", has_commands},
                        {"reasons", ctl::kReasonWords},
                        {"link_counts", ctl::kLinkCountNames},

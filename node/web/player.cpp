@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <limits>
 
@@ -21,9 +22,14 @@ constexpr std::uint64_t kBeatEachNs = 10'000'000;     // the daemon's interval
 constexpr std::uint32_t kStaleMs = 2000;              // the recording says itself where a sensor was stale
 constexpr std::uint64_t kMaxPauseNs = 2'000'000'000;  // longer pauses of the recorder are cut
 
+// A file may come from anywhere: what no configuration would allow in a name becomes a question mark, so that the segment
+// is valid UTF-8 and has no control characters.
 template <std::size_t N>
 void put(char (&to)[N], const std::string& text) {
-    text.copy(to, N - 1);
+    std::size_t n = 0;
+    for (const char c : text)
+        if (n < N - 1) to[n++] = c >= ' ' && c < '\x7f' ? c : '?';
+    to[n] = '\0';
 }
 
 std::string word(const mcap::Channel& channel, std::string_view key) {
@@ -69,9 +75,22 @@ void Player::plan(const std::string& path) {
     plan_.name = name_of(path);
     plan_.version = TACTILED_VERSION;
     for (const auto& [number, channel] : file.reader().channels()) {
-        if (channel.schema != ctl::kSampleSchema || plan_.sensors.size() == TACTILED_MAX_SENSORS) continue;
+        if (channel.schema != ctl::kSampleSchema) continue;
+        const std::string name = word(channel, ctl::kSensorKey);
+        const auto [known, is_new] = index_.emplace(name, int(plan_.sensors.size()));
+        if (!is_new) continue;
+        if (plan_.sensors.size() == TACTILED_MAX_SENSORS) {
+            index_.erase(known);
+            continue;
+        }
         tactiled_sensor sensor{};
-        put(sensor.name, word(channel, ctl::kSensorKey));
+        put(sensor.name, name);
+        const auto is_taken = [&] {
+            return std::any_of(plan_.sensors.begin(), plan_.sensors.end(),
+                               [&](const tactiled_sensor& other) { return std::strcmp(other.name, sensor.name) == 0; });
+        };
+        // Long or odd names may be the same after put().
+        if (sensor.name[0] == '\0' || is_taken()) put(sensor.name, fmt::format("sensor-{}", plan_.sensors.size()));
         put(sensor.model, word(channel, "model"));
         put(sensor.method, word(channel, "method"));
         put(sensor.serial, word(channel, "serial"));
@@ -79,9 +98,9 @@ void Player::plan(const std::string& path) {
         sensor.stale_ms = kStaleMs;
         for (float& scale : sensor.full_scale) scale = std::numeric_limits<float>::quiet_NaN();
         plan_.sensors.push_back(sensor);
-        const bool known = std::any_of(plan_.links.begin(), plan_.links.end(),
-                                       [&](const tactiled_link& l) { return std::string_view(l.name) == sensor.link; });
-        if (known || plan_.links.size() == TACTILED_MAX_LINKS) continue;
+        const bool has_link = std::any_of(plan_.links.begin(), plan_.links.end(),
+                                          [&](const tactiled_link& l) { return std::strcmp(l.name, sensor.link) == 0; });
+        if (has_link || plan_.links.size() == TACTILED_MAX_LINKS) continue;
         tactiled_link link{};
         put(link.name, sensor.link);
         put(link.driver, "recording");
@@ -103,10 +122,8 @@ void Player::plan(const std::string& path) {
 
 int Player::sensor_of(const mcap::Message& message, tactiled_sample& sample) const {
     if (message.channel->schema != ctl::kSampleSchema || !ctl::decode_sample(message.data, sample)) return -1;
-    const std::string name = word(*message.channel, ctl::kSensorKey);
-    for (std::size_t i = 0; i < plan_.sensors.size(); ++i)
-        if (name == plan_.sensors[i].name) return int(i);
-    return -1;
+    const auto found = index_.find(word(*message.channel, ctl::kSensorKey));
+    return found == index_.end() ? -1 : found->second;
 }
 
 void Player::run(const std::string& path) {
@@ -129,6 +146,8 @@ void Player::play(mcap::MessageFile& file) {
         if (last_ns != 0 && sample.t_ns > last_ns) due_ns += std::min(sample.t_ns - last_ns, kMaxPauseNs);
         last_ns = std::max(last_ns, sample.t_ns);
         wait_until(due_ns);
+        // A file may say anything; the page and other readers rely on this.
+        if (sample.quality >= TACTILED_BAD) tactiled_invalidate(&sample, 0);
         sample.t_published_ns = monotonic_ns();
         sample.t_ns = std::min(due_ns, sample.t_published_ns);
         sample.sequence = node_.count[i]++;

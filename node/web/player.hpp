@@ -1,6 +1,7 @@
 // Plays a recording into a segment of its own, as a daemon would publish it, so that the page shows it as it shows a daemon.
 #pragma once
 #include <atomic>
+#include <map>
 #include <memory>
 #include <string>
 #include <thread>
@@ -34,6 +35,7 @@ private:
     void beat(std::uint64_t now_ns);
 
     SegmentPlan plan_;
+    std::map<std::string, int> index_;  // sensors of the plan, by the name in the file
     std::unique_ptr<SegmentWriter> writer_;
     std::vector<tactiled_sample> last_;
     tactiled_node node_{};

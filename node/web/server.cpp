@@ -93,6 +93,7 @@ struct Server::Connection {
     std::uint64_t since_ns = 0;  // begin of the incomplete request
     bool is_busy = false;        // the request is complete and being answered
     bool is_stream = false;
+    bool waits = false;  // for the daemon's answer to a command
 };
 
 struct Server::Stream {
@@ -163,6 +164,7 @@ void Server::run() {
         MHD_resume_connection(exchange->connection);
     }
     MHD_run(daemon_);
+    make_room();
 }
 
 void Server::publish(std::shared_ptr<const std::string> frame) {
@@ -179,20 +181,32 @@ void Server::greet_again() {
 
 void Server::sweep() {
     const std::uint64_t now_ns = monotonic_ns();
-    const bool is_crowded = connections_.size() > limits_.connections / 2;
-    const std::uint64_t limit_ns = std::uint64_t(is_crowded ? 1 : limits_.request_s) * 1'000'000'000u;
     for (const auto& [fd, connection] : connections_) {
         if (connection->is_stream) continue;  // the library closes it where it takes nothing
-        const std::uint64_t allowed_ns = connection->is_busy ? kAnswerNs : limit_ns;
+        const std::uint64_t allowed_ns = connection->is_busy ? kAnswerNs : limits_.request_s * 1'000'000'000ull;
         if (now_ns - connection->since_ns > allowed_ns) ::shutdown(fd, SHUT_RDWR);
     }
+}
+
+// A new client always finds a place. A client whose request is complete is served in the same run, so that it loses its
+// connection only if a quarter of all connections are newer.
+void Server::make_room() {
+    if (connections_.size() <= limits_.connections / 4 * 3) return;
+    std::vector<Connection*> open;
+    for (const auto& [fd, connection] : connections_)
+        if (!connection->is_stream && !connection->waits) open.push_back(connection);
+    const std::size_t surplus = std::min(open.size(), connections_.size() - limits_.connections / 2);
+    std::nth_element(open.begin(), open.begin() + std::ptrdiff_t(surplus), open.end(),
+                     [](const Connection* a, const Connection* b) { return a->since_ns < b->since_ns; });
+    for (std::size_t i = 0; i < surplus; ++i) ::shutdown(open[i]->fd, SHUT_RDWR);
+    MHD_run(daemon_);
 }
 
 void Server::on_connection(void* self, MHD_Connection* connection, void** of_socket, MHD_ConnectionNotificationCode code) {
     Server& server = *static_cast<Server*>(self);
     if (code == MHD_CONNECTION_NOTIFY_STARTED) {
         const auto* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD);
-        auto* const is = new Connection{info->connect_fd, monotonic_ns(), false, false};
+        auto* const is = new Connection{info->connect_fd, monotonic_ns()};
         *of_socket = is;
         server.connections_[is->fd] = is;
         ::setsockopt(is->fd, SOL_SOCKET, SO_SNDBUF, &kSendBuffer, sizeof kSendBuffer);
@@ -243,7 +257,7 @@ void Server::on_completed(void* self, MHD_Connection* connection, void** exchang
     const auto* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
     if (info == nullptr || info->socket_context == nullptr) return;
     auto* const of = static_cast<Connection*>(info->socket_context);
-    of->is_busy = false;
+    of->is_busy = of->waits = false;
     of->since_ns = monotonic_ns();
 }
 
@@ -358,6 +372,8 @@ MHD_Result Server::command(MHD_Connection* connection, Exchange& exchange) {
         return refuse(connection, 503, "other commands are waiting", "Retry-After", "1");
     exchange.waits = true;
     waiting_[exchange.command.id] = &exchange;
+    const auto* info = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_SOCKET_CONTEXT);
+    static_cast<Connection*>(info->socket_context)->waits = true;
     MHD_suspend_connection(connection);
     return MHD_YES;
 }

@@ -19,7 +19,7 @@ namespace tactiled::web {
 struct Limits {
     unsigned connections = 1800;  // fewer where the process may open fewer files
     unsigned streams = 16;        // pages that are open at once
-    unsigned request_s = 10;      // for a request to be complete; 1 s while more than half of the connections are taken
+    unsigned request_s = 10;      // for a request to be complete
     unsigned silent_s = 10;       // a client that takes nothing for so long is closed
 };
 
@@ -53,7 +53,7 @@ public:
     void begin_tick() { ++tick_; }
     // Greets every page anew: names have changed.
     void greet_again();
-    // Closes connections whose request is not complete in time. Once a second.
+    // Closes connections whose request is not complete in time. Call it once a second.
     void sweep();
     [[nodiscard]] std::size_t streams() const { return streams_.size(); }
     [[nodiscard]] std::uint64_t skipped_frames() const { return skipped_; }
@@ -61,6 +61,8 @@ public:
 private:
     struct Connection;
     struct Stream;
+    // Closes the oldest connections where few places are left.
+    void make_room();
     struct Exchange;
     static MHD_Result on_request(void* self, MHD_Connection* connection, const char* url, const char* method,
                                  const char* version, const char* data, std::size_t* size, void** exchange);

@@ -1,6 +1,7 @@
 #include "node/web/source.hpp"
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <ctime>
 #include <limits>
@@ -77,6 +78,7 @@ const View& Source::tick() {
         view_.is_alive = true;
         view_.why.clear();
     }
+    if (!view_.is_alive && !unreadable_.empty()) view_.why = unreadable_;
     for (std::uint32_t i = 0; i < segment_.n_sensors(); ++i) forget_measured(view_.snapshot.sensor[i]);
     const std::uint32_t reloads = __atomic_load_n(&segment_.header().reloads, __ATOMIC_ACQUIRE);
     if (reloads % 2 == 0 && std::exchange(view_.reloads, reloads) != reloads) ++view_.structure;
@@ -90,7 +92,9 @@ void Source::attach() {
     if (view_.is_alive && segment_.is_current()) return;
     if (now_ns - tried_ns_ < kTryEachNs) return;
     tried_ns_ = now_ns;
+    errno = 0;
     Segment fresh = Segment::try_open(node_name_, why_);
+    unreadable_ = fresh.is_open() || errno == ENOENT ? "" : why_;
     if (!fresh.is_open()) return;
     const auto& is = fresh.header();
     if (segment_.is_open() && segment_.header().epoch == is.epoch && segment_.header().pid == is.pid) return;

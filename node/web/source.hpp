@@ -47,6 +47,7 @@ private:
     void read_interval(std::uint32_t sensor);
 
     std::string node_name_, why_;
+    std::string unreadable_;  // why the segment of a successor cannot be opened, such as that of a newer layout
     Segment segment_;
     std::uint64_t tried_ns_ = 0;
     std::array<tactiled_cursor, TACTILED_MAX_SENSORS> cursor_{};

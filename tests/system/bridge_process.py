@@ -1,10 +1,12 @@
 """A bridge as a test drives it, and what it costs."""
 import pathlib
+import re
 import shutil
 import signal
 import subprocess
 import tempfile
 
+import process_costs
 from daemon import BIN, wait_for
 
 
@@ -24,17 +26,18 @@ class Process:
         return self.log_path.read_text()
 
     def status(self, field):
-        """A number of /proc/PID/status, such as VmRSS, in kB."""
-        lines = pathlib.Path(f"/proc/{self.process.pid}/status").read_text().splitlines()
-        return next(int(line.split()[1]) for line in lines if line.startswith(field + ":"))
+        return process_costs.status(self.process.pid, field)
 
     def cpu_s(self):
-        fields = pathlib.Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / 100
+        return process_costs.cpu_s(self.process.pid)
 
     def kill(self):
         self.process.kill()
         self.process.wait()
+
+    def counts(self):
+        """sent, dropped and missed, as the bridge said them last."""
+        return tuple(map(int, re.findall(r"sent (\d+), dropped (\d+), missed (\d+)", self.log())[-1]))
 
     def stop(self):
         """SIGTERM; its exit status."""

@@ -4,11 +4,13 @@ reader agrees."""
 import json
 import os
 import pathlib
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import time
+import tomllib
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
@@ -132,6 +134,28 @@ class Record(unittest.TestCase):
             self.assertEqual(seen["channels"][f"/{node}/table/wrench"]["messages"], seen["channels"][f"/{node}/table/sample"]["messages"])
             self.assertEqual(seen["channels"][f"/{node}/table/quality"]["messages"], seen["channels"][f"/{node}/table/sample"]["messages"])
             self.judge(*(seen["first"][f"/{node}/{topic}"] for topic in ("link/usb0/frames", "table/sample", "table/wrench", "table/quality")))
+
+    def test_the_layout_for_foxglove_shows_what_a_recording_has(self):
+        fetch_javascript()
+        env = {**os.environ, "NODE_PATH": str(ROOT / "build/npm/node_modules")}
+        seen = json.loads(subprocess.run(["node", INTEROP / "read_mcap.js", self.file], capture_output=True, text=True, timeout=60, env=env, check=True).stdout)
+        layout = json.loads((ROOT / "config/foxglove_layout.json").read_text())
+        demo = tomllib.loads((ROOT / "config/demo.toml").read_text())
+        panels = layout["configById"]
+        paths = [path["value"] for panel in panels.values() for path in panel.get("paths", [])] + [panels["RawMessages!sample"]["topicPath"]]
+        for path in paths:
+            _, node, sensor, rest = path.split("/")
+            kind, *keys = re.findall(r"\w+", rest)
+            self.assertEqual(node, demo["node"]["name"])
+            self.assertIn(sensor, [each["name"] for each in demo["sensor"]])
+            value = next(message for message in seen["first"][f"/{self.daemon.name}/table/{kind}"] if message.get("quality", 2) != 3)
+            for key in keys:
+                value = value[int(key) if key.isdigit() else key]
+        self.assertGreater(len(paths), 8)
+
+        def names(tree):
+            return {tree} if isinstance(tree, str) else names(tree["first"]) | names(tree["second"])
+        self.assertEqual(names(layout["layout"]), set(panels))
 
     def judge(self, frames, samples, wrenches, qualities):
         """This calibration states no standard deviation, so all is UNCERTAIN. Compares the messages, decoded by the

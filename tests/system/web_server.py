@@ -9,6 +9,7 @@ import subprocess
 import tempfile
 import time
 
+import process_costs
 from daemon import BIN, free_port, wait_for
 
 PROGRAM = BIN / "tactiled-web"
@@ -61,12 +62,10 @@ class Web:
         return code, json.loads(answer)
 
     def rss_kB(self):
-        lines = pathlib.Path(f"/proc/{self.process.pid}/status").read_text().splitlines()
-        return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS"))
+        return process_costs.status(self.process.pid, "VmRSS")
 
     def cpu_s(self):
-        fields = pathlib.Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / 100
+        return process_costs.cpu_s(self.process.pid)
 
     def __enter__(self):
         return self

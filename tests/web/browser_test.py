@@ -6,10 +6,13 @@
     PICTURES=1 /usr/bin/python3 tests/web/browser_test.py Pictures  writes node/web/*.png
 
 Prints what it measured. Skips without Chromium; TACTILED_MUST=1: fails instead."""
+import collections
 import json
 import os
 import pathlib
 import shutil
+import signal
+import socket
 import sys
 import tempfile
 import threading
@@ -19,7 +22,9 @@ import unittest
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/system"))
 from daemon import Daemon, wait_for  # noqa: E402
+from simulated_node import simulated_node  # noqa: E402
 from unit_daemon import CALIBRATION, quality_is, unit_daemon  # noqa: E402
+from mcap_bytes import with_checksums  # noqa: E402
 from web_server import TOKEN, Stream, Web  # noqa: E402
 
 if not os.environ.get("TACTILED_MUST"):
@@ -89,6 +94,51 @@ class Base(unittest.TestCase):
         return self.js("return document.querySelector(arguments[0]).textContent", selector)
 
 
+class Delayed:
+    """A way to the server on which everything takes `delay_s` in each direction."""
+
+    def __init__(self, port, delay_s):
+        self.target, self.delay_s = port, delay_s
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self.listener.getsockname()[1]
+        threading.Thread(target=self.accept, daemon=True).start()
+
+    def accept(self):
+        while True:
+            try:
+                near, _ = self.listener.accept()
+            except OSError:
+                return
+            far = socket.create_connection(("127.0.0.1", self.target))
+            for a, b in ((near, far), (far, near)):
+                queue = collections.deque()
+                threading.Thread(target=self.take, args=(a, queue), daemon=True).start()
+                threading.Thread(target=self.give, args=(b, queue), daemon=True).start()
+
+    def take(self, s, queue):
+        data = b"x"
+        while data:
+            try:
+                data = s.recv(1 << 16)
+            except OSError:
+                data = b""
+            queue.append((time.monotonic() + self.delay_s, data))
+
+    def give(self, s, queue):
+        while True:
+            if not queue:
+                time.sleep(0.002)
+                continue
+            due, data = queue.popleft()
+            time.sleep(max(0, due - time.monotonic()))
+            try:
+                if not data:
+                    s.shutdown(socket.SHUT_RDWR)
+                s.sendall(data)
+            except OSError:
+                return
+
+
 class Page(Base):
     rows = "0,1,2,-3\n0.01,1,2,-3\n"
 
@@ -129,12 +179,73 @@ class Page(Base):
         self.assertEqual({value[0] for value in self.shown().values()}, {"–"})
 
     def test_stale_where_the_server_hangs_and_the_connection_stays(self):
-        import signal
         self.web.process.send_signal(signal.SIGSTOP)
         took = self.time_to_stale("SIGSTOP of the server")
         self.assertLess(took, STALE_LIMIT_S)
         self.web.process.send_signal(signal.SIGCONT)
         wait_for(lambda: not self.is_stale(), 10, "the server")
+
+    def test_a_way_that_is_slow_from_the_beginning_is_no_zero_of_the_ages(self):
+        way = Delayed(self.web.port, 1.0)
+        self.addCleanup(way.listener.close)
+        self.page.get(f"http://127.0.0.1:{way.port}/")
+        wait_for(lambda: "a request takes 2." in self.text("#stale-why"), 15, "the reason")
+        until = time.monotonic() + 5
+        while time.monotonic() < until:
+            self.assertTrue(self.is_stale())
+        self.assertEqual({value[0] for value in self.shown().values()}, {"–"})
+        way.delay_s = 0.05
+        wait_for(lambda: not self.is_stale(), 10, "a faster way")
+
+    def test_a_clock_that_stood_still_makes_the_page_ask_anew(self):
+        # A paused virtual machine, with daemon and server in it: from then on all its times are late by the pause.
+        self.js("const now = performance.now.bind(performance); performance.now = () => now() + 1500")
+        wait_for(self.is_stale, 2, "STALE")
+        wait_for(lambda: not self.is_stale(), 10, "a new connection")
+        self.js("const now = performance.now.bind(performance); performance.now = () => now() - 4500")  # the browser's machine slept
+        time.sleep(0.5)
+        wait_for(lambda: not self.is_stale(), 10, "a page that goes on")
+        self.web.process.send_signal(signal.SIGSTOP)
+        self.addCleanup(self.web.process.send_signal, signal.SIGCONT)
+        self.assertLess(self.time_to_stale("SIGSTOP after the clock was set back"), STALE_LIMIT_S)
+
+    def test_a_tab_that_slept_shows_no_old_value_when_it_wakes(self):
+        self.page.execute_cdp_cmd("Page.setWebLifecycleState", {"state": "frozen"})
+        time.sleep(1)
+        self.web.process.send_signal(signal.SIGSTOP)
+        self.addCleanup(self.web.process.send_signal, signal.SIGCONT)
+        time.sleep(1)
+        self.page.execute_cdp_cmd("Page.setWebLifecycleState", {"state": "active"})
+        self.assertLess(self.time_to_stale("a sleeping tab, after it woke"), STALE_LIMIT_S)
+        self.web.process.send_signal(signal.SIGCONT)
+        wait_for(lambda: not self.is_stale(), 10, "the server")
+
+    def test_a_time_without_data_is_no_line_in_the_plot(self):
+        self.web.process.send_signal(signal.SIGSTOP)
+        time.sleep(2)
+        self.web.process.send_signal(signal.SIGCONT)
+        wait_for(lambda: not self.is_stale(), 10, "the server")
+        gaps = "const p = cards[0].past; return p.t_s.map((t, i) => [t - p.t_s[i - 1], p.columns[0].value[i - 1]]).filter(([d]) => d > 0.5)"
+        for _ in range(2):  # first the frames as they arrived, then the history
+            found = self.js(gaps)
+            self.assertEqual([value for _, value in found], [None] * len(found))
+            self.assertTrue(any(1.5 < d < 3 for d, _ in found), found)
+            self.page.refresh()
+            wait_for(lambda: not self.is_stale(), 10, "the page")
+
+    def test_a_page_that_is_open_for_weeks_keeps_200_changes(self):
+        self.js("""for (let id = 1000; id < 3000; ++id)
+            source.dispatchEvent(new MessageEvent("changes", {data: JSON.stringify([{id, wall_ms: id, t_s: id, last_t_s: id, times: 1, severity: 0, subject: "x", text: `<b>${id}`}])}))""")
+        self.assertEqual(self.js("return [changes.size, document.querySelectorAll('#changes li').length, document.querySelectorAll('#changes b').length]"), [200, 200, 0])
+        self.assertIn("<b>2999", self.text("#changes li"))
+
+    def test_the_page_of_an_older_server_loads_itself_anew(self):
+        self.js("window.mark = 1; source.dispatchEvent(new MessageEvent('hello', {data: JSON.stringify({...hello, t_s: frame.t_s})}))")
+        time.sleep(1)
+        self.assertEqual(self.js("return window.mark"), 1)  # a reload of the configuration greets with the same page
+        self.js("source.dispatchEvent(new MessageEvent('hello', {data: JSON.stringify({...hello, t_s: frame.t_s, page: 'another'})}))")
+        wait_for(lambda: self.js("return window.mark === undefined && document.readyState === 'complete'"), 10, "the new page")
+        wait_for(lambda: not self.is_stale(), 10, "values")
 
     def time_to_stale(self, what):
         began = time.monotonic()
@@ -183,6 +294,64 @@ class Page(Base):
         self.assertEqual(self.web.status()["sensors"][0]["tare_count"], 0)
 
 
+class Others(Base):
+    """Other sets of sensors than one."""
+
+    def setUp(self):
+        self.daemon = simulated_node(2)
+        self.addCleanup(self.stop_daemon)
+        self.start_page()
+
+    def stop_daemon(self):
+        self.daemon.__exit__()
+        shutil.rmtree(self.daemon.folder)
+
+    def errors(self):
+        return [entry for entry in self.page.get_log("browser") if entry["level"] == "SEVERE"]
+
+    def names(self):
+        return self.js("return [...document.querySelectorAll('#sensors h3')].map((e) => e.textContent)")
+
+    def test_a_daemon_with_other_sensors_replaces_the_cards(self):
+        name = self.daemon.name
+        for sensors in (16, 1, 3):
+            self.stop_daemon()
+            self.daemon = simulated_node(sensors, node=name)
+            wait_for(lambda: self.names() == [f"s{n}" for n in range(sensors)] and not self.is_stale(), 10, f"{sensors} sensors")
+            wait_for(lambda: self.js("return document.querySelectorAll('#links tbody tr').length") == sensors, 3, "the links")
+        self.assertEqual(self.errors(), [])
+
+    def test_sixteen_sensors_with_the_longest_names_fit_on_a_phone(self):
+        name = self.daemon.name
+        self.stop_daemon()
+        self.daemon = simulated_node(16, "a_sensor_with_a_long_name_no_{n:02}", name)
+        self.page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": 320, "height": 640, "deviceScaleFactor": 2, "mobile": True})
+        wait_for(lambda: len(self.names()) == 16 and not self.is_stale(), 10, "16 sensors")
+        time.sleep(2)
+        self.assertEqual(self.js("""return [...document.querySelectorAll('main *')].filter((e) => !e.closest('.wide') && !e.closest('.uplot') && e.getBoundingClientRect().right > 320.5)
+            .map((e) => e.className + e.tagName)"""), [])
+        self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), 320)
+        self.assertFalse(self.is_stale())
+        self.assertEqual(self.errors(), [])
+
+    def test_names_in_a_file_from_anywhere_run_no_script(self):
+        name = self.daemon.name
+        self.stop_daemon()
+        self.daemon = simulated_node(2, "a_sensor_with_a_long_name_no_{n:02}", name)
+        file = self.daemon.folder / "odd.mcap"
+        self.assertEqual(self.daemon.ctl("record", file, "--node", name, "--seconds", "1").returncode, 0)
+        odd = "<img src=x onerror=alert(1)>\"'>".encode()
+        file.write_bytes(with_checksums(file.read_bytes().replace(b"a_sensor_with_a_long_name_no_00", odd.ljust(31, b"&"))))
+        web = Web("unused", file)
+        self.addCleanup(shutil.rmtree, web.folder)
+        self.addCleanup(web.__exit__)
+        self.page.get(f"http://{web.host}/")
+        wait_for(lambda: not self.is_stale(), 10, "the recording")
+        self.assertEqual(self.names()[0], odd.decode())
+        self.assertEqual(self.js("return document.querySelectorAll('main img').length"), 0)
+        self.assertEqual(self.errors(), [])
+
+
 class Pictures(Base):
     """Two jaws press every ten seconds; once a device is silent, and once a channel is missing for a while."""
     CONFIG = """
@@ -224,7 +393,6 @@ stale_ms = 100
 
     def test_light_dark_and_phone(self):
         folder = ROOT / "node/web" if os.environ.get("PICTURES") else pathlib.Path(tempfile.mkdtemp())
-        import signal
         wait_for(lambda: "SIMULATED" in self.text("#flags"), 5, "the mark of simulated data")
         time.sleep(40)
         self.players[0].send_signal(signal.SIGSTOP)

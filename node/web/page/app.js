@@ -3,7 +3,10 @@
 
 const kLate_ms = 300;        // older than this is STALE
 const kDrift = 2e-4;         // of the two clocks, at most
-const kReconnect_ms = 5000;  // of delay, after which the page asks anew
+const kSlow_ms = 500;        // a request that takes longer says nothing about the age of its answer
+const kRetry_ms = 1000;       // between two requests
+const kReconnect_ms = 5000;  // without a young frame or a part of the greeting, after which the page asks anew
+const kMaxChanges = 200;
 
 const kQualityWords = ["no value", "good", "uncertain", "bad"];
 const kQualityMarks = ["✖", "●", "▲", "✖"];
@@ -27,7 +30,7 @@ const known = (v) => v !== null && v !== undefined;
 const number = (v, digits, unit = "") => (known(v) ? v.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1") + unit : "–");
 
 let hello = null, cards = [], frame = null, links = null;
-let source = null, offset_ms = null, received_ms = -Infinity, connected_ms = -Infinity, failure = "no data has arrived yet";
+let source = null, offset_ms = null, received_ms = -Infinity, asked_ms = -Infinity, well_ms = -Infinity, failure = "no data has arrived yet";
 let is_stale = true, dirty = false, drawn_ms = 0;
 const changes = new Map();
 let token = sessionStorage.getItem("token") || "";
@@ -37,24 +40,44 @@ let token = sessionStorage.getItem("token") || "";
 function connect() {
   if (source) source.close();
   offset_ms = null;
-  connected_ms = performance.now();
+  asked_ms = performance.now();
   source = new EventSource("/api/stream");
-  source.addEventListener("hello", (e) => greet(JSON.parse(e.data)));
-  source.addEventListener("past", (e) => { const past = JSON.parse(e.data); cards[past.sensor].past.replace(past); });
+  let greeted = false;
+  source.addEventListener("hello", (e) => {
+    const took_ms = performance.now() - asked_ms, next = JSON.parse(e.data);
+    set_clock(next.t_s);
+    greet(next);
+    // The greeting may be as old as the whole request: the zero of the ages would be wrong by as much.
+    if (!greeted && took_ms > kSlow_ms) end(`a request takes ${(took_ms / 1000).toFixed(1)} s: the server, the network or this browser is too slow`);
+    greeted = true;
+  });
+  source.addEventListener("past", (e) => {
+    const past = JSON.parse(e.data);
+    cards[past.sensor].past.replace(past);
+    well_ms = performance.now();  // the greeting is long, and the network may be slow
+  });
   source.addEventListener("changes", (e) => { for (const change of JSON.parse(e.data)) changes.set(change.id, change); showChanges(); });
   source.addEventListener("message", (e) => take(JSON.parse(e.data)));
-  source.addEventListener("error", () => {
-    failure = source.readyState === EventSource.CLOSED ? "the server refuses this page: too many are open?" : "the server is gone";
-    offset_ms = null;
-    judge();
-  });
+  source.addEventListener("error", () => end(source.readyState === EventSource.CLOSED ? "the server refuses this page: too many are open?" : "the server is gone"));
+}
+
+// Ends the connection; watch() makes the next one. The browser's own reconnection would not tell when it asked.
+function end(why) {
+  source.close();
+  failure = why;
+  offset_ms = null;
+  judge();
+}
+
+// The zero of the ages: the shortest way of a message so far, which may grow as slowly as two clocks drift.
+function set_clock(t_s) {
+  const now_ms = performance.now(), late_ms = now_ms - t_s * 1000;
+  offset_ms = offset_ms === null ? late_ms : Math.min(late_ms, offset_ms + kDrift * Math.max(0, now_ms - received_ms));
+  received_ms = now_ms;
 }
 
 function take(next) {
-  const now_ms = performance.now(), late_ms = now_ms - next.t_s * 1000;
-  // The shortest way that a frame has taken so far, which may grow as slowly as two clocks drift.
-  offset_ms = offset_ms === null ? late_ms : Math.min(late_ms, offset_ms + kDrift * Math.max(0, now_ms - received_ms));
-  received_ms = now_ms;
+  set_clock(next.t_s);
   frame = next;
   if (next.links) links = next.links;
   next.sensors.forEach((sensor, i) => { if (cards[i]) cards[i].past.add(next.t_s, sensor); });
@@ -62,11 +85,13 @@ function take(next) {
   if (!dirty) { dirty = true; requestAnimationFrame(show); }
 }
 
-// "" while the newest frame is young and the daemon lives; else why not. Called by a timer: it needs no message to notice a silence.
+// "" while the newest frame is young and the daemon lives; else why not. A timer calls it, so that a silence is noticed.
 function why_stale() {
   if (!frame || offset_ms === null) return failure;
-  const age_ms = performance.now() - offset_ms - frame.t_s * 1000;
-  if (age_ms > kLate_ms) return `the newest value is ${(age_ms / 1000).toFixed(1)} s old: the server or the network does not respond`;
+  const now_ms = performance.now(), age_ms = now_ms - offset_ms - frame.t_s * 1000;
+  // Whole seconds, so that a screen reader can finish the sentence.
+  if (age_ms > kLate_ms) return `the newest value is ${age_ms < 1000 ? "0.3" : Math.floor(age_ms / 1000)} s old or more: the server or the network does not respond`;
+  well_ms = now_ms;
   return frame.alive ? "" : frame.why;
 }
 
@@ -83,28 +108,31 @@ function judge() {
   if (document.title !== title) document.title = title;
 }
 
-setInterval(() => {
+function watch() {
   judge();
-  const now_ms = performance.now();
-  const silent_ms = now_ms - Math.max(received_ms, connected_ms);
-  const delayed_ms = frame && offset_ms !== null ? now_ms - offset_ms - frame.t_s * 1000 : 0;
-  const closed = source.readyState === EventSource.CLOSED && now_ms - connected_ms > 1000;
-  if (closed || silent_ms > kReconnect_ms || (delayed_ms > kReconnect_ms && now_ms - connected_ms > kReconnect_ms)) connect();
-}, 50);
+  const now_ms = performance.now(), closed = source.readyState === EventSource.CLOSED;
+  if (now_ms - asked_ms < (closed ? kRetry_ms : kReconnect_ms) || (!closed && now_ms - well_ms < kReconnect_ms)) return;
+  if (!closed) failure = why_stale();
+  connect();
+}
+setInterval(watch, 50);
+// Timers of a hidden tab sleep: the first picture after it must be judged, too.
+for (const event of ["visibilitychange", "resume"]) document.addEventListener(event, watch);
 
 // ---- The page ----
 
 function greet(next) {
+  if (hello && hello.page !== next.page) location.reload();  // another version of the server has another page
   const same = hello && hello.run === next.run;
   hello = next;
   if (!same) changes.clear();
   frame = links = null;
-  offset_ms = null;
   for (const card of cards) card.remove();
   cards = next.sensors.map((about, i) => new Card(about, i));
   put(byId("node"), next.node || "tactiled");
   byId("commands").hidden = !next.commands;
   unlock();
+  show();
 }
 
 class Card {
@@ -205,6 +233,7 @@ class Card {
 function show() {
   dirty = false;
   if (!hello) return;
+  judge();
   const now_ms = performance.now(), draw = now_ms - drawn_ms > 95;
   if (draw) drawn_ms = now_ms;
   const live = is_stale ? null : frame;
@@ -253,7 +282,9 @@ function showLinks(f) {
 
 function showChanges() {
   const time = (ms) => new Date(ms).toLocaleTimeString();
-  const rows = [...changes.values()].sort((a, b) => b.id - a.id).slice(0, 200).map((change) => {
+  const newest = [...changes.values()].sort((a, b) => b.id - a.id);
+  for (const old of newest.splice(kMaxChanges)) changes.delete(old.id);
+  const rows = newest.map((change) => {
     const row = document.createElement("li"), when = document.createElement("time");
     when.textContent = time(change.wall_ms);
     when.dateTime = new Date(change.wall_ms).toISOString();

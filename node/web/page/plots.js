@@ -2,6 +2,7 @@
 "use strict";
 
 const kSpan_s = 60;
+const kGap_s = 0.5;  // the plot has no line across a longer time without data
 const kNames = ["fx", "fy", "fz", "mx", "my", "mz"];
 const kDashes = [[], [8, 4], [2, 3]];
 const kGood = 1, kUncertain = 2, kBad = 3;
@@ -23,18 +24,34 @@ class Past {
     this.columns = this.seen.map(() => ({ value: [], low: [], high: [] }));
   }
   replace(past) {
-    this.t_s = decode(past.t_s, Float64Array);
-    this.quality = decode(past.quality, Uint32Array);
-    this.columns = this.seen.map((_, n) => ({ value: decode(past.value[n], Float32Array), low: decode(past.low[n], Float32Array), high: decode(past.high[n], Float32Array) }));
+    const t_s = decode(past.t_s, Float64Array), quality = decode(past.quality, Uint32Array);
+    const columns = this.seen.map((_, n) => ({ value: decode(past.value[n], Float32Array), low: decode(past.low[n], Float32Array), high: decode(past.high[n], Float32Array) }));
+    this.t_s = [];
+    this.quality = [];
+    this.columns = this.seen.map(() => ({ value: [], low: [], high: [] }));
+    t_s.forEach((t, i) => this.push(t, quality[i], (n) => [columns[n].value[i], columns[n].low[i], columns[n].high[i]]));
+  }
+  // numbers(n): value, low and high of the seen component n.
+  push(t_s, quality, numbers) {
+    const last_s = this.t_s.at(-1);
+    if (t_s - last_s > kGap_s) this.put(last_s + 1e-3, null, () => [null, null, null]);
+    this.put(t_s, quality, numbers);
+  }
+  put(t_s, quality, numbers) {
+    this.t_s.push(t_s);
+    this.quality.push(quality);
+    this.columns.forEach((column, n) => {
+      const [value, low, high] = numbers(n);
+      column.value.push(value);
+      column.low.push(low);
+      column.high.push(high);
+    });
   }
   add(t_s, sensor) {
     if (this.t_s.length && t_s <= this.t_s[this.t_s.length - 1]) return;
-    this.t_s.push(t_s);
-    this.quality.push(sensor.worst);
-    this.seen.forEach((c, n) => {
-      this.columns[n].value.push(c < 3 ? sensor.force_N[c] : sensor.torque_Nm[c - 3]);
-      this.columns[n].low.push(sensor.low[c]);
-      this.columns[n].high.push(sensor.high[c]);
+    this.push(t_s, sensor.worst, (n) => {
+      const c = this.seen[n];
+      return [c < 3 ? sensor.force_N[c] : sensor.torque_Nm[c - 3], sensor.low[c], sensor.high[c]];
     });
     if (this.t_s[0] > t_s - kSpan_s - 5) return;
     let old = 0;
@@ -100,6 +117,7 @@ function drawStrip(canvas, past, now_s) {
   const worst = new Uint8Array(width);
   for (let i = 0; i < past.t_s.length; ++i) {
     const x = Math.floor((past.t_s[i] - now_s + kSpan_s) / kSpan_s * width);
+    if (past.quality[i] === null) continue;  // a time without data
     const quality = past.quality[i] || kBad;
     if (x >= 0 && x < width) worst[x] = Math.max(worst[x], quality);
     seconds[quality] += 1 / 30;
