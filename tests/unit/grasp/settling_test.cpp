@@ -79,28 +79,5 @@ TEST(GraspSettling, NoiseThatHidesASwingInTheShortPartMakesItWait) {
     EXPECT_GT(noisy_s, 0.1);
 }
 
-TEST(GraspSettling, FewSamplesAreNoShortPart) {
-    Hand hand;
-    hand.rate_hz = 100;  // 7 samples in 70 ms
-    EXPECT_GT(stable_after_s(hand, 0.03), 0.08);
-}
-
-TEST(GraspSettling, AReportedAccelerationLeavesTheWindowWhole) {
-    Hand hand;
-    double a_m_s2 = 0;
-    hand.each = [&](const tactiled_grasp& g) {
-        hand.grasp.acceleration({0, 0, -a_m_s2}, std::uint64_t(hand.t_s() * 1e9));
-        if (g.weight_state == TACTILED_WEIGHT_STABLE) { ASSERT_NEAR(g.weight_kg, kMass_kg, 0.005 * kMass_kg); }
-    };
-    hand.close().go(0.05, 2, kWeight_N);
-    for (int ms = 1; ms <= 100; ++ms) {
-        a_m_s2 = 2 * std::sin(M_PI * ms / 100);
-        hand.go(0.001, 2, kWeight_N * (1 + a_m_s2 / kG));
-    }
-    a_m_s2 = 0;
-    hand.stay(0.4);
-    EXPECT_EQ(hand.now().weight_state, TACTILED_WEIGHT_STABLE);
-}
-
 }  // namespace
 }  // namespace tactiled::grasp
