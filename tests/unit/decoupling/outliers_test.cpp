@@ -1,0 +1,131 @@
+// Labels that look wrong: mistyped and swapped ones are named, nonlinear sensors lose nothing.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <set>
+#include <utility>
+
+#include "decoupling/fit/fit.hpp"
+#include "recordings.hpp"
+
+namespace tactiled {
+namespace {
+
+TEST(Outliers, FourMistypedLoadsAmong120AreNamedAndLeftOut) {
+    for (unsigned seed = 1; seed <= 20; ++seed) {
+        Labelled labelled = Cell(seed).recording(1, 4, 0, 1e-4);
+        ASSERT_EQ(labelled.rows.size(), 120u);
+        // Errors: a sign, a decimal point, two swapped digits, the previous load; of loads in the middle of the
+        // range.
+        std::set<std::int64_t> wrong;
+        const auto mistype = [&](std::size_t row, std::size_t axis, double label) {
+            labelled.rows[row].wrench_S[axis] = label;
+            wrong.insert(labelled.rows[row].line);
+        };
+        mistype(3, 0, 30);     // N, is -30
+        mistype(44, 1, 4);     // is 40
+        mistype(82, 2, -402);  // is -40
+        mistype(97, 0, 10);    // is 30
+        const FitReport report = fit(labelled, by("matrix"));
+        EXPECT_EQ(lines_of(report, true), wrong) << seed;
+        EXPECT_EQ(report.calibration.rows, 120 - int(wrong.size()));
+        EXPECT_LT(percent_of_full_scale(report), 0.1) << seed;
+        for (const std::int64_t line : wrong) EXPECT_TRUE(warns(report, "left out: cell.csv:" + std::to_string(line) + ":"));
+        FitRequest keep = by("matrix");
+        keep.keep_outliers = true;
+        const FitReport kept = fit(labelled, keep);
+        EXPECT_EQ(kept.calibration.rows, 120);
+        EXPECT_TRUE(lines_of(kept, true).empty());
+        EXPECT_FALSE(lines_of(kept).empty());
+    }
+}
+
+TEST(Outliers, GoodRecordingsLoseNothing) {
+    for (unsigned seed = 1; seed <= 20; ++seed) {
+        const FitReport report = fit(Cell(seed).recording(1, 4, 0, 1e-3), by("matrix"));
+        EXPECT_TRUE(report.suspects.empty()) << seed;
+    }
+}
+
+// A load beyond all others, or at their end, may be one that the sensor reads too low: it is kept, and the user is
+// asked to record it again.
+TEST(Outliers, TheMostLoadedRowIsNeverLeftOut) {
+    for (const double reads : {1.0, 1.2, 1.5}) {
+        Labelled labelled = Cell(3).recording(1, 4, 0, 1e-4);
+        LabelledRow row = labelled.rows[25];  // the greatest press, 100 N
+        for (std::size_t i = 0; i < 3; ++i) row.channel[i] *= reads, row.wrench_S[i] *= 1.8;
+        row.line = 122;
+        labelled.rows.push_back(row);
+        const FitReport report = fit(labelled, by("matrix"));
+        EXPECT_EQ(report.calibration.rows, 121) << reads;
+        EXPECT_EQ(lines_of(report), (std::set<std::int64_t>{122})) << reads;
+        EXPECT_TRUE(warns(report, "kept: cell.csv:122: fz_N is -180")) << reads;
+        EXPECT_TRUE(warns(report, "apply this load again")) << reads;
+    }
+}
+
+// Weights of which the largest occurs once: a label in the range of the others cannot be explained by a nonlinearity.
+TEST(Outliers, AMistypedGreatestLoadIsLeftOut) {
+    Labelled labelled = Cell(4).recording(1, 4, 0, 1e-4);
+    LabelledRow row = labelled.rows[25];
+    for (double& reading : row.channel) reading *= 1.1;
+    row.wrench_S[2] = 11;  // N, is -110
+    row.line = 122;
+    labelled.rows.push_back(row);
+    EXPECT_EQ(lines_of(fit(labelled, by("matrix")), true), (std::set<std::int64_t>{122}));
+}
+
+// Random loads on a sensor that saturates softly. The largest loads disagree with a straight line, all of them alike.
+TEST(Outliers, ABendOfTheSensorIsNoFaultOfItsLabels) {
+    std::mt19937_64 random(4);
+    std::uniform_real_distribution<double> uniform(0, 1);
+    std::normal_distribution<double> noise(0, 1e-3);
+    Labelled labelled;
+    labelled.name = "soft.csv";
+    labelled.channels = {"A", "B"};
+    for (int i = 0; i < 2000; ++i) {
+        const double press = 10 * std::pow(uniform(random), 3);  // N: few great ones
+        labelled.rows.push_back({.line = i + 2,
+                                 .channel = {std::tanh(press / 6) + noise(random), std::tanh(press / 9) + noise(random)},
+                                 .wrench_S = {kNaN, kNaN, -press, kNaN, kNaN, kNaN}});
+    }
+    for (const char* method : {"matrix", "quadratic", "rbf"}) {
+        const FitReport report = fit(labelled, by(method));
+        EXPECT_EQ(report.calibration.full_scale[0], fit(labelled, by("rbf")).calibration.full_scale[0]) << method;
+        EXPECT_GE(report.calibration.rows, 1995) << method;
+    }
+}
+
+// Labels swapped on a curve that only the right method models.
+TEST(Outliers, AreJudgedByTheMethodThatIsChosen) {
+    std::mt19937_64 random(5);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    std::normal_distribution<double> noise(0, 2e-3);
+    Labelled labelled;
+    labelled.name = "bowl.csv";
+    labelled.channels = {"A", "B"};
+    for (int i = 0; i < 600; ++i) {
+        const double fx = uniform(random), fz = uniform(random);
+        labelled.rows.push_back({.line = i + 2,
+                                 .channel = {fx + 0.3 * fz * fz + noise(random), fz + 0.3 * fx * fx + noise(random)},
+                                 .wrench_S = {fx, kNaN, fz, kNaN, kNaN, kNaN}});
+    }
+    for (const std::size_t at : {40u, 250u, 470u}) std::swap(labelled.rows[at].wrench_S, labelled.rows[at + 77].wrench_S);
+    const FitReport report = fit(labelled, by("rbf"));
+    std::size_t named = 0;
+    for (const std::int64_t line : {42, 119, 252, 329, 472, 549}) named += lines_of(report, true).count(line);
+    EXPECT_EQ(named, 6u);
+    EXPECT_LE(report.suspects.size(), 6u + 3u);  // 0.5 % of the others
+}
+
+TEST(Outliers, WhereManyDisagreeAllStay) {
+    Labelled labelled = Cell(6).recording(1, 4, 0, 1e-4);
+    for (std::size_t i = 3; i < 120; i += 10) labelled.rows[i].wrench_S[0] += 20;  // N; 12 of 120
+    const FitReport report = fit(labelled, by("matrix"));
+    EXPECT_EQ(report.calibration.rows, 120);
+    EXPECT_TRUE(lines_of(report, true).empty());
+}
+
+}  // namespace
+}  // namespace tactiled

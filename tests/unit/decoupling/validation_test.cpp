@@ -1,0 +1,114 @@
+// Held-out errors of dead-weight calibrations, and the standard deviation that follows from held-out errors.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <stdexcept>
+#include <vector>
+
+#include "decoupling/fit/validate.hpp"
+#include "decoupling/solve/domain.hpp"
+#include "made_by_hand.hpp"
+#include "recordings.hpp"
+
+namespace tactiled {
+namespace {
+
+TEST(Validation, OfDeadWeightsOneAxisAfterTheOtherLeavesSingleLoadsOut) {
+    double within = 0, n = 0;
+    for (unsigned seed = 1; seed <= 10; ++seed) {
+        const FitReport report = fit(six_axes(seed, 2e-3), by("matrix"));
+        // 54 loads and, at the start, one without load; the third level is held for two rows.
+        EXPECT_EQ(report.calibration.validation, "leave one load out (49 loads)");
+        ASSERT_EQ(report.calibration.sd.size(), 6u);
+        EXPECT_LT(percent_of_full_scale(report), 0.6);
+        const auto decoupler = make_decoupler(report.calibration);
+        for (const auto& row : six_axes(seed, 2e-3).rows) {
+            const Estimate estimate = decouple(*decoupler, row.channel);
+            EXPECT_EQ(estimate.quality, TACTILED_GOOD);
+        }
+        for (const auto& [row, estimated] : report.held_out)
+            for (std::size_t c = 0; c < 6; ++c, ++n)
+                within += std::abs(estimated[c] - row->wrench_S[c]) <=
+                                  std::hypot(report.calibration.sd[c], report.calibration.sd_slope[c] * estimated[c])
+                              ? 1
+                              : 0;
+    }
+    EXPECT_GT(within / n, 0.6);
+    EXPECT_LT(within / n, 0.8);
+}
+
+// The error of a held-out row is e / (1 - h) with its leverage h.
+TEST(Validation, OfSingleLoadsIsThatByLeverage) {
+    Labelled labelled = six_axes(3, 2e-3);
+    for (std::size_t i = 0; i < labelled.rows.size(); ++i)  // no two rows are alike
+        for (std::size_t k = 0; k < 6; ++k) {
+            labelled.rows[i].wrench_S[k] *= 1 + 0.02 * double(i % 7);
+            labelled.rows[i].channel[k] *= 1 + 0.02 * double(i % 7);
+        }
+    labelled.rows.erase(labelled.rows.begin(), labelled.rows.begin() + 4);
+    const FitReport report = fit(labelled, by("matrix"));
+    ASSERT_EQ(report.held_out.size(), labelled.rows.size());
+    ASSERT_TRUE(report.suspects.empty());
+    const auto n = Eigen::Index(labelled.rows.size());
+    Eigen::MatrixXd x(n, 7);
+    Eigen::VectorXd y(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+        x(i, 0) = 1;
+        for (Eigen::Index k = 0; k < 6; ++k) x(i, k + 1) = labelled.rows[std::size_t(i)].channel[std::size_t(k)];
+        y[i] = labelled.rows[std::size_t(i)].wrench_S[0];
+    }
+    const Eigen::MatrixXd hat = x * (x.transpose() * x).inverse() * x.transpose();
+    const Eigen::VectorXd error = hat * y - y;
+    for (const auto& [row, estimated] : report.held_out) {
+        const Eigen::Index i = row->line - labelled.rows.front().line;
+        EXPECT_NEAR(estimated[0] - row->wrench_S[0], error[i] / (1 - hat(i, i)), 1e-6);
+    }
+}
+
+Validation errors_of(const std::vector<double>& errors, std::vector<LabelledRow>& rows, std::size_t sessions) {
+    Validation validation;
+    rows.clear();
+    for (std::size_t i = 0; i < errors.size(); ++i)
+        rows.push_back(
+            {.line = std::int64_t(i), .channel = {0}, .wrench_S = {kNaN, kNaN, i % 2 == 0 ? -5.0 : -6.0, kNaN, kNaN, kNaN}});
+    for (std::size_t i = 0; i < errors.size(); ++i) {
+        validation.rows.push_back({&rows[i], {kNaN, kNaN, rows[i].wrench_S[2] + errors[i], kNaN, kNaN, kNaN}});
+        validation.group.push_back(i * sessions / errors.size());
+    }
+    validation.by_sessions = sessions > 1;
+    return validation;
+}
+
+double stated_sd(const Validation& validation, double at) {
+    Calibration calibration;
+    calibration.channels = {"A"};
+    calibration.components = {"fz"};
+    calibration.full_scale = {10};
+    set_uncertainty(validation, calibration);
+    return std::hypot(calibration.sd.at(0), calibration.sd_slope.at(0) * at);
+}
+
+TEST(Uncertainty, SeesTailsWorstSessionsAndFewRows) {
+    std::mt19937_64 random(8);
+    std::normal_distribution<double> normal(0, 1);
+    std::vector<LabelledRow> rows;
+    std::vector<double> errors(4000);
+    for (double& error : errors) error = normal(random);
+    EXPECT_NEAR(stated_sd(errors_of(errors, rows, 1), 5), 1, 0.06);
+    for (std::size_t i = 0; i < errors.size(); i += 50) errors[i] = 7;      // 2 %
+    EXPECT_NEAR(stated_sd(errors_of(errors, rows, 1), 5), 7 / 2.576, 0.3);  // their 99 % quantile
+    for (double& error : errors) error = normal(random);
+    for (std::size_t i = 3000; i < 4000; ++i) errors[i] += 2;  // one session in four
+    const double of_sessions = stated_sd(errors_of(errors, rows, 4), 5);
+    EXPECT_GT(of_sessions, std::sqrt(5.0) * 0.95);
+    errors.resize(12);
+    for (double& error : errors) error = 1;
+    EXPECT_NEAR(stated_sd(errors_of(errors, rows, 1), 5), 1 + 0.5 / 10 + 0.25 / 100,
+                1e-3);  // Student: 12 loads, 2 coefficients
+    errors.resize(7);
+    EXPECT_THROW((void)stated_sd(errors_of(errors, rows, 1), 5), std::out_of_range);
+}
+
+}  // namespace
+}  // namespace tactiled
