@@ -210,6 +210,36 @@ TEST(StreamAge, AClockOf30BitsThatPassesItsEndIsNoRestart) {
     }
 }
 
+// As a counter of milliseconds of 16 bits, here one of a prime: the first end of the clock is a clock that was set back.
+TEST(StreamAge, AClockOfAnotherPeriodShowsALagThatBeginsAtItsEnd) {
+    constexpr std::uint64_t kPeriod = 65'521 * kMs;
+    for (const bool counter : {true, false}) {
+        Device device(network(), true, counter);
+        device.clock_zero_ns = device.measured_ns;
+        device.run(6552);
+        device.clock_zero_ns += kPeriod;
+        device.run(6551);
+        EXPECT_LT(device.next().late_ns, 30 * kMs);
+        device.clock_zero_ns += kPeriod;
+        for (int i = 0; i < 500; ++i) ASSERT_NEAR(double(device.next(3000).late_ns) * 1e-6, 2999, 60) << counter << i;
+        EXPECT_LT(device.next(1, 3010).late_ns, 60 * kMs);
+        device.run(100);
+        device.run(100, 2000);  // after it, too, a silence and a small number of the clock are no restart
+        EXPECT_GT(device.next(2000).late_ns, 1900 * kMs);
+    }
+}
+
+TEST(StreamAge, AClockThatGoesBackInASilenceWhileTheCounterGoesOnLeavesTheAgeUnproved) {
+    Device device(network());
+    device.clock_zero_ns = device.measured_ns - 60 * kS;
+    device.run(552);
+    device.clock_zero_ns += 65'521 * kMs;  // for the first time: nothing shows whether the silence was a pause
+    for (int i = 0; i < 500; ++i) {
+        const Frame frame = device.next(3000);
+        ASSERT_TRUE(frame.age == Age::unproved || frame.late_ns > 1000 * kMs) << i;
+    }
+}
+
 TEST(StreamAge, AClockThatIsSetBackInALagTwiceStaysAsLateAsItWas) {
     Device device(network());
     device.run(1000);
@@ -232,6 +262,18 @@ TEST(StreamAge, APathThatKeepsItsFramesWhileItIsClosedIsNotProvedByOpeningItAgai
     device.open(connection());
     device.sequence += 20;
     EXPECT_EQ(device.next(2200, 210).age, Age::proved) << "the frames of 200 ms are missing";
+}
+
+TEST(StreamAge, ALagOfWhichOpeningAgainDiscardedAPartIsNotTheNewReference) {
+    Device device(connection(), false);
+    device.run(1000);
+    device.run(100, 2000);
+    device.open(connection());
+    device.sequence += 211;
+    EXPECT_EQ(device.next(90, 2120).age, Age::unproved) << "the rest of the lag";
+    for (int i = 0; i < 50; ++i) ASSERT_EQ(device.next(90).age, Age::unproved);
+    device.sequence += 9;
+    EXPECT_EQ(device.next(1, 100).age, Age::proved);
 }
 
 TEST(StreamAge, AFrameThatWaitedForTheMachineLeavesACableProved) {
