@@ -123,9 +123,9 @@ private:
     // A clock that begins again from 0 after a period that it has shown before, during a silence of `step`: the frame
     // was measured within the silence, and may be late by the rest of it.
     [[nodiscard]] bool is_other_wrap(double step, std::uint64_t device_ns) const noexcept {
-        return other_wrap_ns_ > 0 && double(device_ns) < step + kWrapError_ns &&
-               double(device_ns_) < other_wrap_ns_ + kWrapError_ns &&
-               double(device_ns_) + step > other_wrap_ns_ - kWrapError_ns;
+        return other_wrap_ns_ > 0 && double(device_ns)<step + kWrapError_ns&& double(device_ns_) <
+                                                       other_wrap_ns_ + kWrapError_ns&& double(device_ns_) + step>
+                                             other_wrap_ns_ - kWrapError_ns;
     }
 
     // The clock was set back. A lag that there was before is there still: the first frame after it was measured later than

@@ -146,7 +146,8 @@ double median_ns(std::uint64_t calls, Batch&& batch) {
     for (int i = 0; i < 41; ++i) {
         const auto begin = std::chrono::steady_clock::now();
         batch();
-        ns.push_back(std::chrono::duration<double, std::nano>(std::chrono::steady_clock::now() - begin).count() / double(calls));
+        ns.push_back(std::chrono::duration<double, std::nano>(std::chrono::steady_clock::now() - begin).count() /
+                     double(calls));
     }
     std::nth_element(ns.begin(), ns.begin() + 20, ns.end());
     return ns[20];

@@ -207,7 +207,7 @@ class AStranger(unittest.TestCase):
             d.stop()
             self.assertEqual((victim.read_text(), victim.stat().st_mode & 0o777), ("of root", 0o600))
             (path.rmdir if path.is_dir() and not path.is_symlink() else path.unlink)()
-        self.squat(path, listens=False)  # of a program that has ended, or does not listen
+        self.squat(path, listens=False)  # its program has ended, or does not listen
         d.start()
         wait_for(quality_is(d, "good"), 3, "a good sample")
         self.assertEqual(d.ctl("tare", "left").returncode, 0)

@@ -210,7 +210,7 @@ TEST(StreamAge, AClockOf30BitsThatPassesItsEndIsNoRestart) {
     }
 }
 
-// As a counter of milliseconds of 16 bits, here one of a prime: the first end of the clock is a clock that was set back.
+// The clock counts a prime number of ms. Its first end looks as if the clock was set back.
 TEST(StreamAge, AClockOfAnotherPeriodShowsALagThatBeginsAtItsEnd) {
     constexpr std::uint64_t kPeriod = 65'521 * kMs;
     for (const bool counter : {true, false}) {
