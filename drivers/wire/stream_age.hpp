@@ -162,8 +162,10 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     }
     proof_ = Proof::clock;
     const bool ended = AgeBound::is_early_wrap(device_time_us_ * 1000, frame.device_time_us * 1000);
-    const bool counter_began =
-        has_frame_ && !ended && frame.has_sequence && frames_since(frame, double(host_ns - host_ns_)) == 0;
+    // While the link is open, the clock of a device that restarted is small, too: else a short counter shows an old frame.
+    const bool counter_began = has_frame_ && !ended && frame.has_sequence &&
+                               (is_reopened_ || frame.device_time_us < kBooted_us) &&
+                               frames_since(frame, double(host_ns - host_ns_)) == 0;
     const auto silence_us = double(host_ns - host_ns_) * 1e-3;
     // A device whose counter goes on has not restarted: its clock has passed its end, or was set back.
     const bool counts_on = frame.has_sequence && !is_reopened_ && !counter_began;

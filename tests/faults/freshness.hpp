@@ -89,7 +89,7 @@ public:
             const auto left_the_first = [&](const Sent& sent) { return sent.measured_s + inner_lag_s <= closed_until_s_; };
             while (!way_.empty() && left_the_first(way_.front())) way_.pop_front();
             for (Sent& sent : way_) sent.arrives_s = sent.measured_s + inner_lag_s + 0.002;
-            extra_lag_s = 0;
+            extra_lag_s = left_s_ = 0;
         } else if (when_closed == Closed::keeps) {
             for (Sent& sent : way_) sent.arrives_s += closed_s;
             extra_lag_s += closed_s;

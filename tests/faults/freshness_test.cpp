@@ -28,7 +28,7 @@ TEST(Freshness, TenHoursOfDriftJitterPollsAndTemperatureAreNoLag) {
 }
 
 // The device measures nothing for 0.1 to 30 s, 20 to 120 s after the last time.
-TEST(Freshness, TenHoursOfADeviceThatPausesCostOneSampleOfAPauseOrTheTimeUntilTheLinkWasOpenedAgain) {
+TEST(Freshness, HoursOfADeviceThatPausesCostOneSampleOfAPauseOrTheTimeUntilTheLinkWasOpenedAgain) {
     std::mt19937_64 random(std::uint64_t(number("SEED", 1)));
     const auto between = [&](double a, double b) { return a + (b - a) * double(random() >> 11) * 0x1p-53; };
     for (const bool tcp : {false, true})
@@ -48,7 +48,7 @@ TEST(Freshness, TenHoursOfADeviceThatPausesCostOneSampleOfAPauseOrTheTimeUntilTh
                 ++alarms;
             };
             run.run_s(10);
-            for (const double end_s = run.now_s() + 3600 * number("HOURS", 10); run.now_s() < end_s; ++pauses) {
+            for (const double end_s = run.now_s() + 3600 * number("HOURS", 2); run.now_s() < end_s; ++pauses) {
                 run.pauses = true;
                 run.run_s(between(0.1, 30));
                 run.pauses = false;
@@ -86,6 +86,8 @@ struct Kind {
 
 double between(std::mt19937_64& random, double a, double b) { return a + (b - a) * double(random() >> 11) * 0x1p-53; }
 
+// Without clock and counter, a link that goes down between the opening of a connection and its first frame makes a lag at
+// the first frame.
 void link_down(FreshnessRun& run, std::mt19937_64& random) {
     const double s = between(random, 0.5, 3.9);
     run.hold_until(run.now_s() + s);
@@ -296,9 +298,9 @@ void faster_device(FreshnessRun& run, std::mt19937_64& random) {
 }
 
 constexpr Kind kKinds[] = {
-    {"link down for 0.5 to 3.9 s, then all at once", link_down},
+    {"link down for 0.5 to 3.9 s, then all at once", link_down, kByCountersAndPty},
     {"a bridge as fast as the device, lag 0.2 to 10 s", slow_bridge},
-    {"a bridge slower than the device for a while", slower_bridge, kByCounters, 1000},
+    {"a bridge slower than the device for a while", slower_bridge, kByCounters},
     {"reopened in a lag, what is due is dropped", relay_that_drops_what_is_due, kByAllButRelays},
     {"reopened in a lag, the relay keeps all", relay_that_keeps, kByCountersAndPty},
     {"the path drops what its buffer cannot hold", short_buffer},
