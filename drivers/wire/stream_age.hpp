@@ -168,7 +168,8 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
                                frames_since(frame, double(host_ns - host_ns_)) == 0;
     const auto silence_us = double(host_ns - host_ns_) * 1e-3;
     // A device whose counter goes on has not restarted: its clock has passed its end, or was set back.
-    const bool counts_on = frame.has_sequence && !is_reopened_ && !counter_began;
+    const bool counts_on = frame.has_sequence && !is_reopened_ && !counter_began &&
+                           double(frame.lost) * interval_us_ < double(host_ns - host_ns_) * 1e-3 + 1e6;
     const bool clock_began = has_frame_ && !ended && !counts_on && frame.device_time_us < kBooted_us &&
                              frame.device_time_us < device_time_us_ / 2 && silence_us > kLate_ns * 1e-3;
     // Either the clock was set on, or the device had paused while the path held its frames. A cable holds none.
@@ -193,7 +194,8 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
         bound_.restart();
         late = 0;
     }
-    const bool may_have_begun = bound_.set_back() != set_back && route_.path == Route::Path::network &&
+    const bool may_have_begun = bound_.set_back() != set_back && !counter_began && !clock_began &&
+                                route_.path == Route::Path::network &&
                                 bound_.silence_before_set_back_ns() > kLate_ns + interval_us_ * 1e3;
     is_unproved_ = is_unproved_ || leapt || may_have_begun;
     if (has_discarded(late)) is_unproved_ = false;

@@ -209,10 +209,12 @@ private:
             return;
         }
         const std::uint32_t ahead = sent.sequence - before_ - 1;
-        if (stream_.sequence && !opening_ && ahead > 0x7FFFFFFF) return;  // overtaken: the format drops it
+        // As the decoders do: a frame that was overtaken is dropped, a restart is accepted.
+        const bool is_behind = stream_.sequence && !opening_ && ahead > 0x7FFFFFFF;
+        if (is_behind && sent.sequence > 1000) return;
         frame.has_sequence = stream_.sequence;
         frame.sequence = sent.sequence;
-        frame.lost = stream_.sequence && !opening_ ? ahead : 0;
+        frame.lost = stream_.sequence && !opening_ && !is_behind && sent.sequence > 1000 ? ahead : 0;
         // The formats send 32 bits, which the decoders extend while the link stays open.
         const auto elapsed_us = std::int32_t(std::uint32_t(sent.device_us) - std::uint32_t(device_us_seen_));
         device_us_seen_ =

@@ -397,6 +397,9 @@ void no_undetected_old_value(double hours, bool is_attack) {
             if (kind.episode == pause_of_the_device && clock) {
                 EXPECT_LE(sum.alarms, episodes) << "at most one sample of a pause";
             }
+            if (kind.episode == restart_of_the_device && counter && !is_attack) {
+                EXPECT_LE(sum.alarms, episodes) << "at most one sample of a restart";
+            }
             if (kind.episode == pause_of_the_device && tcp && !is_attack) {
                 EXPECT_LE(sum.alarms, 70 * episodes) << "0.5 s and the opening";
             }

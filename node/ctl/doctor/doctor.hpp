@@ -10,7 +10,7 @@
 namespace tactiled {
 class Driver;
 struct Node;
-}
+}  // namespace tactiled
 
 namespace tactiled::ctl::doctor {
 
