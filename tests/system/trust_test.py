@@ -148,7 +148,7 @@ class AStranger(unittest.TestCase):
         self.assertFalse(as_stranger(lambda: s.connect(str(d.folder / "control.sock"))))
         self.assertTrue(pathlib.Path(d.folder / "control.sock").exists())
 
-    def squat(self, path, listens):
+    def occupy(self, path, listens):
         """Another user's program at the path of the control socket; it confirms each command. Returns its process."""
         def serve():
             s = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -177,7 +177,7 @@ class AStranger(unittest.TestCase):
         self.assertFalse(as_stranger(lambda: socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET).bind(str(run_folder() / f"{d.name}.sock"))))
         path = pathlib.Path(f"/tmp/tactiled-{d.name}.sock")
         d.config.write_text(d.config.read_text().replace(f"{d.folder}/control.sock", str(path)))
-        self.squat(path, listens=True)
+        self.occupy(path, listens=True)
         for _ in range(2):  # before a run, and between two
             d.start()
             wait_for(quality_is(d, "good"), 3, "a good sample")
@@ -207,7 +207,7 @@ class AStranger(unittest.TestCase):
             d.stop()
             self.assertEqual((victim.read_text(), victim.stat().st_mode & 0o777), ("of root", 0o600))
             (path.rmdir if path.is_dir() and not path.is_symlink() else path.unlink)()
-        self.squat(path, listens=False)  # its program has ended, or does not listen
+        self.occupy(path, listens=False)  # its program has ended, or does not listen
         d.start()
         wait_for(quality_is(d, "good"), 3, "a good sample")
         self.assertEqual(d.ctl("tare", "left").returncode, 0)
