@@ -209,7 +209,7 @@ private:
             return;
         }
         const std::uint32_t ahead = sent.sequence - before_ - 1;
-        // As the decoders do: a frame that was overtaken is dropped, a restart is accepted.
+        // The decoders drop a frame that was overtaken, too, and accept a restart.
         const bool is_behind = stream_.sequence && !opening_ && ahead > 0x7FFFFFFF;
         if (is_behind && sent.sequence > 1000) return;
         frame.has_sequence = stream_.sequence;
