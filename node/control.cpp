@@ -114,7 +114,7 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
     }
     if (!group.empty())
         if (const ::group* found = ::getgrnam(group.c_str()))
-            if (::chown(path.c_str(), uid_t(-1), found->gr_gid) != 0)
+            if (::lchown(path.c_str(), uid_t(-1), found->gr_gid) != 0)
                 log_line(LogLevel::warning, "control socket {}: group {}: {}", path, group, std::strerror(errno));
     segment_ = Segment::open(node_name);
     thread_.start("control", 0, -1, [this] { serve(); });

@@ -49,6 +49,7 @@ std::unique_ptr<ControlSocket> open_control(Node& node, SegmentWriter& segment, 
     } catch (const std::exception& error) {
         log_line(LogLevel::warning, "{}; tactilectl tare will not work, sleeping readers poll each millisecond",
                  error.what());
+        segment.withdraw_control();  // clients send nothing to a socket of another program
         return nullptr;
     }
 }

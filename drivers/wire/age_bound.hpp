@@ -42,13 +42,16 @@ public:
         auto ahead = double(std::int64_t(device_ns - device_ns_));
         if (limits_.wrap_ns > 0)  // the number of wraps that is closest to the host's time
             ahead += limits_.wrap_ns * std::nearbyint((step - ahead) / limits_.wrap_ns);
+        has_wrapped_ = false;
         if (limits_.wrap_ns > 0 && is_early_wrap(device_ns_, device_ns)) {
             ahead += kEarlyWrap_ns;
             wraps_early_ = true;
         } else if (limits_.wrap_ns > 0 && wraps_early_ && is_early_wrap(device_ns, device_ns_)) {
             ahead -= kEarlyWrap_ns;  // a frame of before
-        } else if (limits_.wrap_ns > 0 && ahead < 0 && std::abs(step - ahead - other_wrap_ns_) < kWrapError_ns) {
+        } else if (limits_.wrap_ns > 0 && ahead < 0 &&
+                   (std::abs(step - ahead - other_wrap_ns_) < kWrapError_ns || is_other_wrap(step, device_ns))) {
             ahead += other_wrap_ns_;
+            has_wrapped_ = true;
         }
         host_ns_ = host_ns;
         device_ns_ = device_ns;
@@ -58,6 +61,7 @@ public:
                 late_before_back_ = x_ - reference_;
             }
             back_ns_ = step - ahead;
+            back_silence_ns_ = step;
             back_since_ = t_;
             min_since_back_ = first_since_back_ = x_ + back_ns_ - slope_ * t_;
         }
@@ -88,6 +92,10 @@ public:
 
     // How often the device's clock was set back, and has stayed so.
     [[nodiscard]] unsigned set_back() const noexcept { return set_back_; }
+    // The silence before the frame that showed it first, in which a lag may have begun that no clock shows.
+    [[nodiscard]] double silence_before_set_back_ns() const noexcept { return back_silence_ns_; }
+    // The last frame is the first one after a known period of the clock, which had been learned from an earlier end.
+    [[nodiscard]] bool has_wrapped() const noexcept { return has_wrapped_; }
     // The smallest lateness of the last window shows a lag.
     [[nodiscard]] bool is_held() const noexcept { return is_held_; }
     // Uncertainty of the drift between the clocks, as a fraction.
@@ -111,6 +119,14 @@ private:
     struct Point {
         double t_ns, x_ns;
     };
+
+    // A clock that begins again from 0 after a period that it has shown before, during a silence of `step`: the frame
+    // was measured within the silence, and may be late by the rest of it.
+    [[nodiscard]] bool is_other_wrap(double step, std::uint64_t device_ns) const noexcept {
+        return other_wrap_ns_ > 0 && double(device_ns)<step + kWrapError_ns&& double(device_ns_) <
+                                                       other_wrap_ns_ + kWrapError_ns&& double(device_ns_) + step>
+                                             other_wrap_ns_ - kWrapError_ns;
+    }
 
     // The clock was set back. A lag that there was before is there still: the first frame after it was measured later than
     // the one before it, and so came at most that much late.
@@ -192,10 +208,11 @@ private:
     double t_ = 0, x_ = 0, reference_ = 0;  // since the first frame
     double slope_ = 0, uncertainty_;
     double back_ns_ = 0;  // x rose by this because the device's clock went back; 0: it did not
+    double back_silence_ns_ = 0;
     double before_back_ = 0, late_before_back_ = 0, back_since_ = 0;  // x, the lateness and t_ before
     double first_since_back_ = 0, min_since_back_ = 0;                // x since then, without the drift
     double other_wrap_ns_ = 0;                                        // back_ns_ of the last time; 0: none
-    bool wraps_early_ = false;
+    bool wraps_early_ = false, has_wrapped_ = false;
     unsigned set_back_ = 0;
     double window_begin_ = 0, window_ns_ = kMinWindow_ns, window_min_ = 1e300;
     Point window_point_{};

@@ -162,10 +162,15 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     }
     proof_ = Proof::clock;
     const bool ended = AgeBound::is_early_wrap(device_time_us_ * 1000, frame.device_time_us * 1000);
-    const bool counter_began =
-        has_frame_ && !ended && frame.has_sequence && frames_since(frame, double(host_ns - host_ns_)) == 0;
+    // While the link is open, the clock of a device that restarted is small, too: else a short counter shows an old frame.
+    const bool counter_began = has_frame_ && !ended && frame.has_sequence &&
+                               (is_reopened_ || frame.device_time_us < kBooted_us) &&
+                               frames_since(frame, double(host_ns - host_ns_)) == 0;
     const auto silence_us = double(host_ns - host_ns_) * 1e-3;
-    const bool clock_began = has_frame_ && !ended && frame.device_time_us < kBooted_us &&
+    // A device whose counter goes on has not restarted: its clock has passed its end, or was set back.
+    const bool counts_on = frame.has_sequence && !is_reopened_ && !counter_began &&
+                           double(frame.lost) * interval_us_ < double(host_ns - host_ns_) * 1e-3 + 1e6;
+    const bool clock_began = has_frame_ && !ended && !counts_on && frame.device_time_us < kBooted_us &&
                              frame.device_time_us < device_time_us_ / 2 && silence_us > kLate_ns * 1e-3;
     // Either the clock was set on, or the device had paused while the path held its frames. A cable holds none.
     const bool leapt = route_.path == Route::Path::network && late_ns_ > kLate_ns && !is_reopened_ &&
@@ -180,16 +185,19 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
         is_reopened_ || clock_began || ended ? frame.device_time_us : std::max(device_time_us_, frame.device_time_us);
     const unsigned set_back = bound_.set_back();
     double late = bound_.late_ns(host_ns, frame.device_time_us * 1000);
-    if (bound_.set_back() != set_back) device_time_us_ = frame.device_time_us;
+    if (bound_.set_back() != set_back || bound_.has_wrapped()) device_time_us_ = frame.device_time_us;
     // After a new opening the clock may as well have passed the end of its 32 bits: then it fits the reference.
     const bool fits = is_reopened_ && late < kFits_ns;
-    if ((counter_began || (clock_began && !fits)) &&
+    if ((counter_began || (clock_began && !fits && !bound_.has_wrapped())) &&
         late > kLate_ns) {  // a new reference; a lag that there was may still be there
         is_unproved_ = is_unproved_ || (late_ns_ > kLate_ns && route_.path == Route::Path::network);
         bound_.restart();
         late = 0;
     }
-    is_unproved_ = is_unproved_ || leapt;
+    const bool may_have_begun = bound_.set_back() != set_back && !counter_began && !clock_began &&
+                                route_.path == Route::Path::network &&
+                                bound_.silence_before_set_back_ns() > kLate_ns + interval_us_ * 1e3;
+    is_unproved_ = is_unproved_ || leapt || may_have_begun;
     if (has_discarded(late)) is_unproved_ = false;
     const double waited_ns =
         frame.since_ns != 0 && frame.since_ns < frame.taken_ns ? double(frame.taken_ns - frame.since_ns) : 0;
@@ -262,7 +270,10 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         }
     }
     if (late_is_known) is_unproved_ = is_unproved_ ? late > kCaughtUp_ns : late > kLate_ns;
-    if (is_unproved_ && has_discarded(late)) {  // the device had paused, or the lag is gone
+    // The device had paused: its counter is behind as before, and the path held nothing that opening it again discarded. A
+    // lag of which a part was discarded is judged by the rest of it.
+    const bool had_paused = !late_is_known || late > late_ns_ - kLate_ns;
+    if (is_unproved_ && had_paused && has_discarded(late)) {
         bound_.restart();
         late = 0;
         is_unproved_ = false;

@@ -49,9 +49,12 @@ void add_check(CLI::App& app, Run& run) {
             if (node.config.grasp)
                 for (const std::string& advice : grasp_advice(*node.config.grasp)) fmt::print("warning: {}\n", advice);
             for (const auto& link : node.links)
-                for (const auto& binding : link->bindings)
-                    fmt::print("sensor \"{}\": age proved by {}\n", node.config.sensors[binding.sensor].name,
-                               link->driver->freshness());
+                for (const auto& binding : link->bindings) {
+                    const std::string& name = node.config.sensors[binding.sensor].name;
+                    fmt::print("sensor \"{}\": age proved by {}\n", name, link->driver->freshness());
+                    if (const std::string delays = doctor::undetected_delays(*link->driver); !delays.empty())
+                        fmt::print("sensor \"{}\": not detected: {}\n", name, delays);
+                }
             for (const auto& sensor : node.config.sensors) {
                 Problems none;
                 const Calibration calibration = load_calibration(sensor.calibration, none);

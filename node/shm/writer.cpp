@@ -336,6 +336,10 @@ void SegmentWriter::set_freshness(std::uint32_t index, std::uint32_t freshness) 
     __atomic_store_n(&sensor.freshness, freshness, __ATOMIC_RELAXED);
 }
 
+void SegmentWriter::withdraw_control() noexcept {
+    __atomic_store_n(&header().control[0], '\0', __ATOMIC_RELAXED);  // the others stay: a reader may be copying them
+}
+
 void SegmentWriter::set_link_state(std::uint32_t index, tactiled_link_state state) noexcept {
     auto& link = reinterpret_cast<tactiled_link*>(base_ + header().link_offset)[index];
     __atomic_store_n(&link.state, std::uint32_t(state), __ATOMIC_RELAXED);

@@ -72,6 +72,8 @@ public:
     void count_reasons(std::uint32_t index, std::uint32_t reasons) noexcept;
     // Sets how the age of the sensor's samples is proved. From the thread that publishes them. rt: wait-free
     void set_freshness(std::uint32_t index, std::uint32_t freshness) noexcept;
+    // Withdraws the path of the control socket, which another program may have taken. rt: wait-free
+    void withdraw_control() noexcept;
     // Set a link's state and counters. Each word has one writer. rt: wait-free
     void set_link_state(std::uint32_t index, tactiled_link_state state) noexcept;
     void set_link_count(std::uint32_t index, tactiled_link_count kind, std::uint32_t count) noexcept;

@@ -1,14 +1,22 @@
 // Error of the timestamps of CAN messages: the software's, the adapter's with an offset taken once, and the fitted clock
 // (drivers/wire/clock_fit.hpp), each against the true time on the bus. Virtual time and fixed seeds: the same table
 // everywhere. Not shown: what a real adapter's way is like. The delays are made up after what was measured on USB adapters.
+//
+//   stamps --age                   time of StreamAge::judge() for a frame, by kind of proof; 10 s
+//   stamps --age KIND FRAMES       only that kind, for instruction counts by valgrind: the difference of two lengths
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <cstdlib>
 #include <random>
+#include <string_view>
 #include <vector>
 
+#include "drivers/clock.hpp"
 #include "drivers/wire/clock_fit.hpp"
+#include "drivers/wire/stream_age.hpp"
 
 namespace {
 
@@ -81,9 +89,99 @@ void measure(const Adapter& adapter) {
     fitted.print("adapter, fitted");
 }
 
+// ---- cost of the proof of age ------------------------------------------------------------------------------------------
+
+struct Judged {
+    std::string_view name;
+    bool judges;
+    Route route;
+    bool has_clock, has_sequence;
+};
+
+constexpr Judged kJudged[] = {
+    {"none", false, {}, true, true},
+    {"clock", true, {.path = Route::Path::network, .device_clock = true}, true, true},
+    {"sequence", true, {.path = Route::Path::network, .device_clock = true}, false, true},
+    {"arrival", true, {.path = Route::Path::network, .device_clock = true}, false, false},
+    {"cable, clock", true, {.path = Route::Path::direct, .device_clock = true}, true, true},
+    {"cable", true, {.path = Route::Path::direct}, false, true},
+    {"request", true, {.path = Route::Path::polled}, false, false},
+};
+
+// A stream of 1 kHz with a jitter of 1 ms and a clock that is 50 ppm fast.
+class JudgedStream {
+public:
+    explicit JudgedStream(const Judged& kind) : kind_(kind), age_(1000, 0.2, 100'000'000) { age_.open(kind.route); }
+
+    std::uint64_t run(std::uint64_t frames) {
+        std::uint64_t sum = 0;
+        for (std::uint64_t k = 0; k < frames; ++k) {
+            ++n_;
+            noise_ = noise_ * 6364136223846793005u + 1442695040888963407u;
+            const std::uint64_t arrival_ns = 1'000'000'000'000u + n_ * 1'000'000u + (noise_ >> 44);
+            last_ns_ = std::max(last_ns_, arrival_ns);
+            frame_.t_ns = frame_.taken_ns = last_ns_;
+            frame_.age = Frame::Age::proved;
+            frame_.late_ns = 0;
+            frame_.device_time_us = kind_.has_clock ? n_ * 1000 + n_ / 20 : 0;
+            frame_.has_sequence = kind_.has_sequence;
+            frame_.sequence = std::uint32_t(n_);
+            if (kind_.judges) age_.judge(frame_, last_ns_);
+            sum += frame_.t_ns + frame_.late_ns + std::uint64_t(frame_.age);
+        }
+        return sum;
+    }
+
+private:
+    const Judged& kind_;
+    StreamAge age_;
+    Frame frame_;
+    std::uint64_t n_ = 0, noise_ = 1, last_ns_ = 0;
+};
+
+// Time of one call in ns: the median of 41 batches.
+template <typename Batch>
+double median_ns(std::uint64_t calls, Batch&& batch) {
+    std::vector<double> ns;
+    for (int i = 0; i < 41; ++i) {
+        const auto begin = std::chrono::steady_clock::now();
+        batch();
+        ns.push_back(std::chrono::duration<double, std::nano>(std::chrono::steady_clock::now() - begin).count() /
+                     double(calls));
+    }
+    std::nth_element(ns.begin(), ns.begin() + 20, ns.end());
+    return ns[20];
+}
+
+int judge_ages(int argc, char** argv) {
+    constexpr std::uint64_t kBatch = 200'000;
+    volatile std::uint64_t sink = 0;
+    if (argc == 4) {
+        for (const Judged& kind : kJudged)
+            if (kind.name == argv[2]) {
+                sink = JudgedStream(kind).run(std::strtoull(argv[3], nullptr, 10));
+                return 0;
+            }
+        return 2;
+    }
+    double none_ns = 0;
+    for (const Judged& kind : kJudged) {
+        JudgedStream stream(kind);
+        const double ns = median_ns(kBatch, [&] { sink = sink + stream.run(kBatch); });
+        if (!kind.judges) none_ns = ns;
+        fmt::print("{:<16} {:6.1f} ns a frame\n", kind.name, ns - none_ns);
+    }
+    const double clocks_ns = median_ns(kBatch, [&] {
+        for (std::uint64_t i = 0; i < kBatch; ++i) sink = sink + host_ns(i);
+    });
+    fmt::print("{:<16} {:6.1f} ns, for proofs by clock, and on a network\n", "host_ns()", clocks_ns);
+    return 0;
+}
+
 }  // namespace
 
-int main() {
+int main(int argc, char** argv) {
+    if (argc > 1 && std::string_view(argv[1]) == "--age") return judge_ages(argc, argv);
     fmt::print(
         "stamp - true time on the bus in us, {} min each; jitter = p99.5 - p0.5\n  {:<24} {:>10} {:>10} {:>10} {:>10} "
         "{:>12}\n",

@@ -26,6 +26,7 @@ struct Stream {
     enum class Format : std::uint8_t { numbers, lines, cobs } format = Format::numbers;
     unsigned counter_bits = 32, clock_bits = 32;  // lines of text
     double clock_step_us = 1;                     // 1000: a clock that counts milliseconds
+    double clock_period_s = 0;                    // the clock begins again from 0 after it; 0: by its bits
 };
 
 // The path when the link is closed and opened again.
@@ -69,6 +70,10 @@ public:
     bool forwards_old = false;   // its next frame is one of a second ago under a new number
     double drop = 0, swap = 0;   // rates
     double extra_lag_s = 0;      // a bridge that is as fast as the device and has a backlog
+    double inner_lag_s = 0;      // another one before it, which does not learn that the link was closed
+    double retime = 0;           // > 0: a relay sends one frame after the other, at most this much faster than the device
+    double copies_late_s = 0;    // > 0: each frame comes a second time, by a slower way
+    double rate_factor = 1;      // the device is this much faster than at first
     double clock_jump_us = 0;    // added to the device's clock once
     double buffer_frames = 1e9;  // frames that a path can hold; it drops the newest ones
     Closed when_closed = Closed::discards;
@@ -81,8 +86,10 @@ public:
         // no server can be reached while it holds everything
         closed_until_s_ = std::max(now_s_ + closed_s, hold_until_s_);
         if (when_closed == Closed::discards) {
-            way_.clear();
-            extra_lag_s = 0;
+            const auto left_the_first = [&](const Sent& sent) { return sent.measured_s + inner_lag_s <= closed_until_s_; };
+            while (!way_.empty() && left_the_first(way_.front())) way_.pop_front();
+            for (Sent& sent : way_) sent.arrives_s = sent.measured_s + inner_lag_s + 0.002;
+            extra_lag_s = left_s_ = 0;
         } else if (when_closed == Closed::keeps) {
             for (Sent& sent : way_) sent.arrives_s += closed_s;
             extra_lag_s += closed_s;
@@ -95,6 +102,11 @@ public:
         sequence_ = 0;
         device_us_ = 0;
         offset_us_ = 100e3;  // its start
+    }
+
+    // Until the clock begins again from 0 after its period.
+    [[nodiscard]] double clock_left_s() const {
+        return stream_.clock_period_s - std::fmod(device_us_ + offset_us_, stream_.clock_period_s * 1e6) * 1e-6;
     }
 
     // The clock, or the counter, ends so soon.
@@ -130,7 +142,7 @@ private:
     double uniform() { return double(random_() >> 11) * 0x1p-53; }
 
     void step() {
-        const double period_s = 1 / stream_.rate_Hz;
+        const double period_s = 1 / (stream_.rate_Hz * rate_factor);
         if (now_s_ > next_temperature_s_) {
             temperature_ = stream_.temperature_ppm * (temperature_ > 0 ? 0 : 1);
             next_temperature_s_ = now_s_ + 1800;
@@ -159,10 +171,14 @@ private:
     }
 
     void send() {
-        double arrives = now_s_ + 0.002 + extra_lag_s + uniform() * stream_.jitter_ms * 1e-3;
+        double arrives = now_s_ + 0.002 + inner_lag_s + extra_lag_s + uniform() * stream_.jitter_ms * 1e-3;
         if (stream_.grid_ms > 0) arrives = std::ceil(arrives / (stream_.grid_ms * 1e-3)) * stream_.grid_ms * 1e-3;
         arrives = std::max(arrives, way_.empty() ? 0 : way_.back().arrives_s);
-        const auto ticks = std::uint64_t(std::int64_t(std::floor((device_us_ + offset_us_) / stream_.clock_step_us)));
+        if (retime > 0) arrives = std::max({arrives, left_s_ + 1 / (stream_.rate_Hz * (1 + retime)), hold_until_s_});
+        left_s_ = arrives;
+        double device_us = device_us_ + offset_us_;
+        if (stream_.clock_period_s > 0) device_us = std::fmod(device_us, stream_.clock_period_s * 1e6);
+        const auto ticks = std::uint64_t(std::int64_t(std::floor(device_us / stream_.clock_step_us)));
         const std::uint64_t clock = stream_.clock_bits >= 64 ? ticks : ticks & ((1ull << stream_.clock_bits) - 1);
         const std::uint32_t number = sequence_++ & (stream_.counter_bits >= 32 ? ~0u : (1u << stream_.counter_bits) - 1);
         Sent sent{now_s_, arrives, number, std::uint64_t(double(clock) * stream_.clock_step_us)};
@@ -177,6 +193,11 @@ private:
         }
         way_.push_back(sent);
         if (uniform() < swap && way_.size() >= 2) std::swap(way_[way_.size() - 1], way_[way_.size() - 2]);
+        if (copies_late_s > 0 && way_.size() >= 2 && past_.size() > std::size_t(copies_late_s * stream_.rate_Hz) + 1) {
+            Sent copy = past_[past_.size() - 1 - std::size_t(copies_late_s * stream_.rate_Hz)];
+            copy.arrives_s = way_.back().arrives_s;
+            way_.push_back(copy);
+        }
     }
 
     void arrive(const Sent& sent, double at_s) {
@@ -188,10 +209,12 @@ private:
             return;
         }
         const std::uint32_t ahead = sent.sequence - before_ - 1;
-        if (stream_.sequence && !opening_ && ahead > 0x7FFFFFFF) return;  // overtaken: the format drops it
+        // The decoders drop a frame that was overtaken, too, and accept a restart.
+        const bool is_behind = stream_.sequence && !opening_ && ahead > 0x7FFFFFFF;
+        if (is_behind && sent.sequence > 1000) return;
         frame.has_sequence = stream_.sequence;
         frame.sequence = sent.sequence;
-        frame.lost = stream_.sequence && !opening_ ? ahead : 0;
+        frame.lost = stream_.sequence && !opening_ && !is_behind && sent.sequence > 1000 ? ahead : 0;
         // The formats send 32 bits, which the decoders extend while the link stays open.
         const auto elapsed_us = std::int32_t(std::uint32_t(sent.device_us) - std::uint32_t(device_us_seen_));
         device_us_seen_ =
@@ -247,7 +270,7 @@ private:
     std::uint32_t sequence_, before_ = 0;
     std::uint64_t device_us_seen_ = 0;
     double offset_us_, now_s_ = 1000, device_us_ = 0, temperature_ = 0, next_temperature_s_ = 0;
-    double hold_until_s_ = 0, last_s_ = 0, not_before_s_ = 0, pause_s_ = 1, closed_until_s_ = 0;
+    double hold_until_s_ = 0, last_s_ = 0, left_s_ = 0, not_before_s_ = 0, pause_s_ = 1, closed_until_s_ = 0;
     bool opening_ = true;
     LinkCounts counts_;
     AsciiDecoder lines_;

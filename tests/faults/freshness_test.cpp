@@ -19,11 +19,54 @@ double number(const char* name, double otherwise) {
 TEST(Freshness, TenHoursOfDriftJitterPollsAndTemperatureAreNoLag) {
     for (const bool clock : {true, false})
         for (const double ppm : {100.0, -100.0, 30.0}) {
-            FreshnessRun run({.clock = clock, .ppm = ppm, .temperature_ppm = 20}, 1);
+            FreshnessRun run({.clock = clock, .ppm = ppm, .temperature_ppm = 20}, std::uint64_t(number("SEED", 1)));
             run.run_s(3600 * number("HOURS", 10));
             fmt::print("{} {:+} ppm: {} frames, {} not GOOD\n", clock ? "clock" : "sequence", ppm, run.tally.frames,
                        run.tally.frames - run.tally.good);
             EXPECT_EQ(run.tally.good, run.tally.frames);
+        }
+}
+
+// The device measures nothing for 0.1 to 30 s, 20 to 120 s after the last time.
+TEST(Freshness, HoursOfADeviceThatPausesCostOneSampleOfAPauseOrTheTimeUntilTheLinkWasOpenedAgain) {
+    std::mt19937_64 random(std::uint64_t(number("SEED", 1)));
+    const auto between = [&](double a, double b) { return a + (b - a) * double(random() >> 11) * 0x1p-53; };
+    for (const bool tcp : {false, true})
+        for (const auto& [clock, sequence] : {std::pair{true, true}, {true, false}, {false, true}, {false, false}}) {
+            if (!clock && !tcp) continue;  // unproved from the first pause on
+            double last_alarm_s = 0, longest_s = 0;
+            std::uint64_t pauses = 0, alarms = 0, max_alarms = 0;
+            FreshnessRun run({.clock = clock,
+                              .sequence = sequence,
+                              .ppm = between(-100, 100),
+                              .temperature_ppm = 20,
+                              .reopening_discards = tcp},
+                             random());
+            run.see = [&](const Seen& seen, double t_s) {
+                if (seen.good) return;
+                last_alarm_s = t_s;
+                ++alarms;
+            };
+            run.run_s(10);
+            for (const double end_s = run.now_s() + 3600 * number("HOURS", 2); run.now_s() < end_s; ++pauses) {
+                run.pauses = true;
+                run.run_s(between(0.1, 30));
+                run.pauses = false;
+                const double pause_end_s = run.now_s();
+                const std::uint64_t before = alarms;
+                run.run_s(between(20, 120));
+                max_alarms = std::max(max_alarms, alarms - before);
+                longest_s = std::max(longest_s, last_alarm_s - pause_end_s);
+            }
+            fmt::print("{}{}: {} pauses, {} not GOOD, at most {} of a pause, the last {:.2f} s after its end\n",
+                       clock      ? "clock"
+                       : sequence ? "sequence"
+                                  : "arrival",
+                       tcp ? ", TCP" : "", pauses, alarms, max_alarms, longest_s);
+            if (clock)
+                EXPECT_LE(max_alarms, 1u);
+            else  // until the daemon asks, while it is closed, and the delay of the path
+                EXPECT_LE(longest_s, 0.5 + 0.2 + 0.1);
         }
 }
 
@@ -38,10 +81,13 @@ struct Kind {
     Seen seen = kByAll;
     double may_last_s = 0;  // allowed seconds in 1000 h where it is seen
     bool from_the_start = false;
+    double clock_period_s = 0;
 };
 
 double between(std::mt19937_64& random, double a, double b) { return a + (b - a) * double(random() >> 11) * 0x1p-53; }
 
+// Without clock and counter, a link that goes down between the opening of a connection and its first frame makes a lag at
+// the first frame.
 void link_down(FreshnessRun& run, std::mt19937_64& random) {
     const double s = between(random, 0.5, 3.9);
     run.hold_until(run.now_s() + s);
@@ -191,27 +237,94 @@ void lag_that_grows_faster(FreshnessRun& run, std::mt19937_64&) {
     lag_that_grows(run, 250e-6);
 }
 
-constexpr Kind kKinds[] = {{"link down for 0.5 to 3.9 s, then all at once", link_down},
-                           {"a bridge as fast as the device, lag 0.2 to 10 s", slow_bridge},
-                           {"a bridge slower than the device for a while", slower_bridge, kByCounters, 1000},
-                           {"reopened in a lag, what is due is dropped", relay_that_drops_what_is_due, kByAllButRelays},
-                           {"reopened in a lag, the relay keeps all", relay_that_keeps, kByCountersAndPty},
-                           {"the path drops what its buffer cannot hold", short_buffer},
-                           {"frames lost", lost_frames},
-                           {"frames swapped", swapped_frames},
-                           {"frames swapped in a lag", swapped_in_a_lag},
-                           {"an old frame under a new number", old_frame, kByClocks},
-                           {"the device's clock jumps", clock_jumps},
-                           {"the device's clock jumps ahead in a lag", clock_jumps_in_a_lag, kByAll, 100},
-                           {"the device's clock is set back in a lag", clock_set_back_in_a_lag},
-                           {"the device restarts", restart_of_the_device},
-                           {"the clock ends, then the link is down", clock_ends, kByAll, 0, true},
-                           {"the counter ends, then the link is down", counter_ends, kByAll, 0, true},
-                           {"the device pauses", pause_of_the_device},
-                           {"the device pauses, then the link is down", pause_and_link_down, kByCounters},
-                           {"a lag at the first frame", lag_at_the_first_frame, kByNone, 0, true},
-                           {"a lag that grows by 150 ppm", lag_that_grows_slowly, kByNone},
-                           {"a lag that grows by 250 ppm", lag_that_grows_faster, kByClocks}};
+// Two bridges, one behind the other. The last one learns that the link was closed, and discards what it holds.
+void two_bridges(FreshnessRun& run, std::mt19937_64& random) {
+    run.inner_lag_s = between(random, 0.2, 3);
+    run.run_s(between(random, 1, 10));
+    run.extra_lag_s = between(random, 0.2, 3);
+    run.run_s(between(random, 5, 30));
+    run.inner_lag_s = 0;
+    run.run_s(between(random, 1, 10));
+    run.extra_lag_s = 0;
+    run.run_s(30);
+}
+
+// The backlog of a link that was down drains slowly, and evenly.
+void relay_that_retimes(FreshnessRun& run, std::mt19937_64& random) {
+    run.retime = between(random, 0.005, 0.5);
+    link_down(run, random);
+    run.run_s(60);
+    run.retime = 0;
+    run.run_s(10);
+}
+
+void restart_in_a_lag(FreshnessRun& run, std::mt19937_64& random) {
+    run.extra_lag_s = between(random, 0.2, 3);
+    run.run_s(between(random, 2, 10));
+    run.pauses = true;
+    run.run_s(between(random, 0.06, 3));
+    run.pauses = false;
+    run.restart_device();
+    run.run_s(between(random, 5, 30));
+    run.extra_lag_s = 0;
+    run.run_s(60);
+}
+
+// The path holds its frames while the clock begins again; in half of the cases a lag stays.
+void clock_of_another_period(FreshnessRun& run, std::mt19937_64& random) {
+    if (const double left_s = run.clock_left_s() - between(random, 0, 1.5); left_s > 0) run.run_s(left_s);
+    const double s = between(random, 0.5, 3.9);
+    run.hold_until(run.now_s() + s);
+    if (random() % 2 == 0) run.extra_lag_s = s;
+    run.run_s(s + between(random, 5, 50));
+    run.extra_lag_s = 0;
+    run.run_s(100);
+}
+
+void two_ways(FreshnessRun& run, std::mt19937_64& random) {
+    run.copies_late_s = between(random, 0.2, 1);
+    run.run_s(30);
+    run.copies_late_s = 0;
+    run.run_s(10);
+}
+
+// The device was set to another rate, and then a bridge is late.
+void faster_device(FreshnessRun& run, std::mt19937_64& random) {
+    run.rate_factor = between(random, 1.05, 1.19);
+    run.run_s(between(random, 5, 30));
+    slow_bridge(run, random);
+    run.rate_factor = 1;
+    run.run_s(60);
+}
+
+constexpr Kind kKinds[] = {
+    {"link down for 0.5 to 3.9 s, then all at once", link_down, kByCountersAndPty},
+    {"a bridge as fast as the device, lag 0.2 to 10 s", slow_bridge},
+    {"a bridge slower than the device for a while", slower_bridge, kByCounters},
+    {"reopened in a lag, what is due is dropped", relay_that_drops_what_is_due, kByAllButRelays},
+    {"reopened in a lag, the relay keeps all", relay_that_keeps, kByCountersAndPty},
+    {"the path drops what its buffer cannot hold", short_buffer},
+    {"frames lost", lost_frames},
+    {"frames swapped", swapped_frames},
+    {"frames swapped in a lag", swapped_in_a_lag},
+    {"an old frame under a new number", old_frame, kByClocks},
+    {"the device's clock jumps", clock_jumps},
+    {"the device's clock jumps ahead in a lag", clock_jumps_in_a_lag, kByAll, 100},
+    {"the device's clock is set back in a lag", clock_set_back_in_a_lag},
+    {"the device restarts", restart_of_the_device},
+    {"the clock ends, then the link is down", clock_ends, kByAll, 0, true},
+    {"the counter ends, then the link is down", counter_ends, kByAll, 0, true},
+    {"the device pauses", pause_of_the_device},
+    {"the device pauses, then the link is down", pause_and_link_down, kByCounters},
+    {"two bridges in series, the last one discards", two_bridges, kByAllButRelays},
+    {"a relay that sends evenly, hardly faster", relay_that_retimes, kByCounters},
+    {"the device restarts in a lag", restart_in_a_lag},
+    {"a clock with a period of 65.521 s, link down", clock_of_another_period, kByAll, 0, false, 65.521},
+    {"each frame comes again by a slower way", two_ways, kByCounters},
+    {"the device gets faster, then a bridge is late", faster_device, kByClocks},
+    {"a lag at the first frame", lag_at_the_first_frame, kByNone, 0, true},
+    {"a lag that grows by 150 ppm", lag_that_grows_slowly, kByNone},
+    {"a lag that grows by 250 ppm", lag_that_grows_faster, kByClocks}};
 
 struct Case {
     const char* name;
@@ -249,6 +362,7 @@ void no_undetected_old_value(double hours, bool is_attack) {
                 Stream stream = each.stream;
                 stream.ppm = between(random, -100, 100);
                 if (is_attack) vary(stream, random);
+                stream.clock_period_s = kind.clock_period_s;
                 FreshnessRun run(stream, random());
                 if (!kind.from_the_start) run.run_s(300);
                 run.tally = {};
@@ -282,6 +396,9 @@ void no_undetected_old_value(double hours, bool is_attack) {
             }
             if (kind.episode == pause_of_the_device && clock) {
                 EXPECT_LE(sum.alarms, episodes) << "at most one sample of a pause";
+            }
+            if (kind.episode == restart_of_the_device && counter && !is_attack) {
+                EXPECT_LE(sum.alarms, episodes) << "at most one sample of a restart";
             }
             if (kind.episode == pause_of_the_device && tcp && !is_attack) {
                 EXPECT_LE(sum.alarms, 70 * episodes) << "0.5 s and the opening";

@@ -42,6 +42,17 @@ def as_stranger(action):
     return os.waitpid(child, 0)[1] == 0
 
 
+def as_stranger_forever(action):
+    """Turns this process, a child, into one of another user."""
+    try:
+        os.setgroups([])
+        os.setresgid(STRANGER, STRANGER, STRANGER)
+        os.setresuid(STRANGER, STRANGER, STRANGER)
+        action()
+    finally:
+        os._exit(1)
+
+
 def ctl(*words, **env):
     return subprocess.run([BIN / "tactilectl", *map(str, words)], capture_output=True, text=True, timeout=20,
                           env={**os.environ, **{key: str(value) for key, value in env.items()}})
@@ -136,6 +147,70 @@ class AStranger(unittest.TestCase):
         self.addCleanup(s.close)
         self.assertFalse(as_stranger(lambda: s.connect(str(d.folder / "control.sock"))))
         self.assertTrue(pathlib.Path(d.folder / "control.sock").exists())
+
+    def occupy(self, path, listens):
+        """Another user's program at the path of the control socket; it confirms each command. Returns its process."""
+        def serve():
+            s = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            s.bind(str(path))
+            path.chmod(0o777)
+            if listens:
+                s.listen(16)
+            while True:
+                if not listens:
+                    signal.pause()
+                client = s.accept()[0]
+                client.recv(128)
+                client.send(b"2 0")
+                client.close()
+        child = os.fork()
+        if child == 0:
+            as_stranger_forever(serve)
+        self.addCleanup(lambda: path.unlink(missing_ok=True))
+        self.addCleanup(os.waitpid, child, 0)
+        self.addCleanup(os.kill, child, signal.SIGKILL)
+        wait_for(lambda: path.exists() and path.stat().st_mode & 0o777 == 0o777, 5, "the squatter")
+        time.sleep(0.1)
+
+    def test_a_program_at_the_path_of_the_control_socket_confirms_no_command(self):
+        d = self.daemon
+        self.assertFalse(as_stranger(lambda: socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET).bind(str(run_folder() / f"{d.name}.sock"))))
+        path = pathlib.Path(f"/tmp/tactiled-{d.name}.sock")
+        d.config.write_text(d.config.read_text().replace(f"{d.folder}/control.sock", str(path)))
+        self.occupy(path, listens=True)
+        for _ in range(2):  # before a run, and between two
+            d.start()
+            wait_for(quality_is(d, "good"), 3, "a good sample")
+            self.assertIn("tactilectl tare will not work", d.log())
+            done = d.ctl("tare", "left")
+            self.assertNotEqual(done.returncode, 0)
+            self.assertNotIn("done", done.stdout)
+            self.assertIn("without a control socket", done.stderr)
+            with tactiled.open(d.name) as node, node.follow("left", 1) as left:
+                self.assertEqual(next(left).quality, tactiled.GOOD)
+            d.stop()
+        self.assertTrue(path.exists())
+
+    def test_what_another_user_leaves_at_the_path_of_the_control_socket_is_replaced_or_left_alone(self):
+        d = self.daemon
+        path = pathlib.Path(f"/tmp/tactiled-{d.name}.sock")
+        d.config.write_text(d.config.read_text().replace(f"{d.folder}/control.sock", str(path)))
+        victim = d.folder / "victim"
+        victim.write_text("of root")
+        victim.chmod(0o600)
+        self.addCleanup(lambda: path.unlink(missing_ok=True))
+        for leave in (lambda: path.write_text("a file"), lambda: path.symlink_to(victim), lambda: os.mkfifo(path), lambda: path.mkdir()):
+            self.assertTrue(as_stranger(leave))
+            d.start()
+            wait_for(quality_is(d, "good"), 3, "a good sample")
+            self.assertNotEqual(d.ctl("tare", "left").returncode, 0)
+            d.stop()
+            self.assertEqual((victim.read_text(), victim.stat().st_mode & 0o777), ("of root", 0o600))
+            (path.rmdir if path.is_dir() and not path.is_symlink() else path.unlink)()
+        self.occupy(path, listens=False)  # its program has ended, or does not listen
+        d.start()
+        wait_for(quality_is(d, "good"), 3, "a good sample")
+        self.assertEqual(d.ctl("tare", "left").returncode, 0)
 
     def test_a_group_member_reads_and_does_no_more(self):
         d = self.daemon

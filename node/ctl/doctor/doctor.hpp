@@ -8,8 +8,9 @@
 #include "config/config.hpp"
 
 namespace tactiled {
+class Driver;
 struct Node;
-}
+}  // namespace tactiled
 
 namespace tactiled::ctl::doctor {
 
@@ -70,9 +71,12 @@ void look_at_port(const Machine& machine, const ModbusSettings& settings, bool d
 // Reports hazards in the links and sensors of an accepted configuration, each with the line to write; `tactilectl
 // check` prints these, too. A finding that is `wrong` makes every sample BAD.
 void look_at_safety(const Node& node, Findings& found);
-// Reports links on which a delay would not be detected, so that old forces would seem new.
 // Reports whether the calibration is compared with the sensor that is mounted.
 void look_at_identity(const Node& node, Findings& found);
+// Reports links on which a delay would not be detected, so that old forces would seem new.
 void look_at_freshness(const Node& node, Findings& found);
+
+// Returns the delays of a link that the daemon cannot detect, as text for the user; "" if its path bounds them. setup
+std::string undetected_delays(const Driver& driver);
 
 }  // namespace tactiled::ctl::doctor

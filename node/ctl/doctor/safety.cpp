@@ -121,6 +121,21 @@ void look_at_identity(const Node& node, Findings& found) {
     }
 }
 
+std::string undetected_delays(const Driver& driver) {
+    const std::string by = driver.freshness();
+    const Route route = driver.route();
+    if (route.path != Route::Path::network || by.starts_with("cable")) return "";
+    std::string not_seen =
+        fmt::format("a delay at the first frame after the start, one that grows by less than {} ppm", route.clock_ppm);
+    if (by.starts_with("clock (")) return not_seen;
+    if (by.starts_with("arrival")) return not_seen + ", any delay without a silence, old content";
+    if (by.starts_with("clock")) not_seen += "; without the device's time also";
+    not_seen += ", old content under a new number";
+    if (route.reopening_discards)
+        not_seen += ", a relay that keeps its delay and drops frames while the link is opened again";
+    return not_seen;
+}
+
 void look_at_freshness(const Node& node, Findings& found) {
     for (const auto& link : node.links)
         for (const auto& binding : link->bindings) {

@@ -66,6 +66,21 @@ TEST(StreamAge, ABridgeAsFastAsTheDeviceStaysLateForAnHour) {
     EXPECT_LT(device.next(1, 310).late_ns, 30 * kMs);
 }
 
+TEST(StreamAge, ALagThatGrowsFasterThanClocksDriftIsNotLearned) {
+    Device device(network());
+    device.run(1000);
+    for (int i = 0; i < 60'000; ++i) (void)device.next(1 + 0.005 * i);  // 500 ppm
+    EXPECT_GT(device.next(301).late_ns, 100 * kMs);
+}
+
+TEST(StreamAge, AClockThatIsSetOnInALagLeavesTheAgeUnproved) {
+    Device device(network());
+    device.run(1000);
+    device.run(100, 2000);
+    device.clock_zero_ns -= 5 * kS;
+    for (int i = 0; i < 200; ++i) ASSERT_EQ(device.next(2000).age, Age::unproved) << i;
+}
+
 TEST(StreamAge, ADeviceThatPausesIsProvedByItsClockAtOnceAndByItsCounterWhenTheConnectionWasOpenedAgain) {
     Device clocked(network()), counted(connection(), false), pty(network(), false);
     for (Device* device : {&clocked, &counted, &pty}) device->run(1000);
@@ -210,6 +225,36 @@ TEST(StreamAge, AClockOf30BitsThatPassesItsEndIsNoRestart) {
     }
 }
 
+// The clock counts a prime number of ms. Its first end looks as if the clock was set back.
+TEST(StreamAge, AClockOfAnotherPeriodShowsALagThatBeginsAtItsEnd) {
+    constexpr std::uint64_t kPeriod = 65'521 * kMs;
+    for (const bool counter : {true, false}) {
+        Device device(network(), true, counter);
+        device.clock_zero_ns = device.measured_ns;
+        device.run(6552);
+        device.clock_zero_ns += kPeriod;
+        device.run(6551);
+        EXPECT_LT(device.next().late_ns, 30 * kMs);
+        device.clock_zero_ns += kPeriod;
+        for (int i = 0; i < 500; ++i) ASSERT_NEAR(double(device.next(3000).late_ns) * 1e-6, 2999, 60) << counter << i;
+        EXPECT_LT(device.next(1, 3010).late_ns, 60 * kMs);
+        device.run(100);
+        device.run(100, 2000);  // after it, too, a silence and a small number of the clock are no restart
+        EXPECT_GT(device.next(2000).late_ns, 1900 * kMs);
+    }
+}
+
+TEST(StreamAge, AClockThatGoesBackInASilenceWhileTheCounterGoesOnLeavesTheAgeUnproved) {
+    Device device(network());
+    device.clock_zero_ns = device.measured_ns - 60 * kS;
+    device.run(552);
+    device.clock_zero_ns += 65'521 * kMs;  // for the first time: nothing shows whether the silence was a pause
+    for (int i = 0; i < 500; ++i) {
+        const Frame frame = device.next(3000);
+        ASSERT_TRUE(frame.age == Age::unproved || frame.late_ns > 1000 * kMs) << i;
+    }
+}
+
 TEST(StreamAge, AClockThatIsSetBackInALagTwiceStaysAsLateAsItWas) {
     Device device(network());
     device.run(1000);
@@ -232,6 +277,18 @@ TEST(StreamAge, APathThatKeepsItsFramesWhileItIsClosedIsNotProvedByOpeningItAgai
     device.open(connection());
     device.sequence += 20;
     EXPECT_EQ(device.next(2200, 210).age, Age::proved) << "the frames of 200 ms are missing";
+}
+
+TEST(StreamAge, ALagOfWhichOpeningAgainDiscardedAPartIsNotTheNewReference) {
+    Device device(connection(), false);
+    device.run(1000);
+    device.run(100, 2000);
+    device.open(connection());
+    device.sequence += 211;
+    EXPECT_EQ(device.next(90, 2120).age, Age::unproved) << "the rest of the lag";
+    for (int i = 0; i < 50; ++i) ASSERT_EQ(device.next(90).age, Age::unproved);
+    for (int delay_ms = 81; delay_ms > 1; delay_ms -= 10) (void)device.next(delay_ms);
+    EXPECT_EQ(device.next().age, Age::proved) << "the missing time was caught up";
 }
 
 TEST(StreamAge, AFrameThatWaitedForTheMachineLeavesACableProved) {
