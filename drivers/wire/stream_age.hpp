@@ -162,11 +162,12 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     }
     proof_ = Proof::clock;
     const bool ended = AgeBound::is_early_wrap(device_time_us_ * 1000, frame.device_time_us * 1000);
-    // While the link is open, the clock of a device that restarted is small, too: else a short counter shows an old frame.
-    const bool counter_began = has_frame_ && !ended && frame.has_sequence &&
-                               (is_reopened_ || frame.device_time_us < kBooted_us) &&
-                               frames_since(frame, double(host_ns - host_ns_)) == 0;
     const auto silence_us = double(host_ns - host_ns_) * 1e-3;
+    // The clock of a device that restarted is small, too: else a short counter shows an old frame, or that a path has
+    // discarded more frames than the counter's range.
+    const bool counter_began = has_frame_ && !ended && frame.has_sequence &&
+                               double(frame.device_time_us) < double(kBooted_us) + silence_us &&
+                               frames_since(frame, double(host_ns - host_ns_)) == 0;
     // A device whose counter goes on has not restarted: its clock has passed its end, or was set back.
     const bool counts_on = frame.has_sequence && !is_reopened_ && !counter_began &&
                            double(frame.lost) * interval_us_ < double(host_ns - host_ns_) * 1e-3 + 1e6;

@@ -41,9 +41,9 @@ std::string control_fault(const SegmentView& segment) {
     struct stat file {};
     if (::stat(path.c_str(), &file) != 0 || !S_ISSOCK(file.st_mode))
         return fmt::format(
-            "there is no control socket {}: tare, clear, weigh and teach do not reach the daemon; its folder must "
-            "exist and belong to the daemon's user: [node] control, or --runtime-dir",
-            path);
+            "there is no control socket{}: tare, clear, weigh and teach do not reach the daemon; its folder must "
+            "exist and belong to the daemon's user: [node] control, or --runtime-dir{}",
+            path.empty() ? "" : " " + path, path.empty() ? "; the daemon's log names the path and the reason" : "");
     if (::access(path.c_str(), W_OK) != 0)
         return fmt::format("this user may not write to the control socket {}: tare, clear, weigh and teach need its group",
                            path);
