@@ -12,7 +12,6 @@ constexpr std::uint64_t kFresh_ns = 100'000'000;  // age up to which a reported 
 // accepted lengths of gravity: those on Earth, with rounding
 constexpr double kMinG_m_s2 = 9.69, kMaxG_m_s2 = 9.91;
 constexpr double kObservable = 0.3;  // least tangential part of the weight: gravity 17 degrees off the skin's normal
-constexpr double kKnownSure = 0.05;  // relative sd of a known weight: noise must not set the scale
 
 }  // namespace
 

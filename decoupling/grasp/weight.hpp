@@ -9,6 +9,8 @@
 
 namespace tactiled::grasp {
 
+inline constexpr double kKnownSure = 0.05;  // relative sd of a known weight: noise must not set the scale
+
 struct Weighed {
     tactiled_weight_state state = TACTILED_WEIGHT_NONE;
     double mass_kg, sd_kg;          // NaN if not known

@@ -9,10 +9,12 @@
 namespace tactiled::ctl {
 namespace {
 
+// Returns false for a process that has ended and that its parent has not waited for (state Z).
 bool is_a_daemon(std::uint32_t pid) {
-    std::ifstream file(fmt::format("/proc/{}/comm", pid));
-    std::string name;
-    return std::getline(file, name) && name == "tactiled";
+    std::ifstream file(fmt::format("/proc/{}/stat", pid));
+    std::string text;
+    return std::getline(file, text) && text.find("(tactiled) ") != std::string::npos &&
+           text.find("(tactiled) Z") == std::string::npos;
 }
 
 }  // namespace

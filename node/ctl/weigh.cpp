@@ -1,8 +1,10 @@
 // tactilectl weigh start|stop|zero|known|forget: the weight commands of a PLC, acknowledged by the daemon.
 #include <fmt/format.h>
 
+#include <cmath>
 #include <memory>
 
+#include "decoupling/grasp/weight.hpp"
 #include "node/ctl/ask.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/grasp_text.hpp"
@@ -32,6 +34,12 @@ std::string why_not_now(const tactiled_grasp& g, const std::string& what) {
             "refused: the weight is not stable (it is \"{}\"); grasp, lift, and wait for \"stable\" in "
             "tactilectl status",
             weight_state_text(g.weight_state));
+    if (what == "known" && g.weight_sd_kg > grasp::kKnownSure * std::abs(g.weight_kg))
+        return fmt::format(
+            "refused: the weight of {:.4f} kg has a standard deviation of {:.0f} %; a known weight must be weighed to "
+            "{:.0f} %, "
+            "apart from the uncertainty of the shares: press harder, or take a heavier object",
+            g.weight_kg, 100 * g.weight_sd_kg / std::abs(g.weight_kg), 100 * grasp::kKnownSure);
     return fmt::format("refused: the grasp does not allow it now (grip \"{}\", weight \"{}\": tactilectl status)",
                        grip_state_text(g.state), weight_state_text(g.weight_state));
 }

@@ -80,7 +80,7 @@ class Plc:
         self.wait("grasped", lambda s: s["grasped"])
         self.modbus.write(GRIPPER_STATE, LIFTING)
         robot.lift()
-        return self.wait("a stable weight", lambda s: s["stable"] and s["kg"] is not None)
+        return self.wait("stable weight", lambda s: s["stable"] and s["kg"] is not None)
 
     def release(self, robot):
         self.modbus.write(GRIPPER_STATE, OPENING)

@@ -13,6 +13,7 @@
 
 #include "config/text_file.hpp"
 #include "decoupling/csv.hpp"
+#include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/labelled.hpp"
 
 namespace tactiled::ctl {
@@ -86,6 +87,9 @@ CaptureFile::CaptureFile(std::string path, std::vector<std::string> channels)
 
 void CaptureFile::note(const Load& load, const std::string& session) {
     ++rows_of_session_[session];
+    const auto same = [](double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); };
+    if (loads_ == 0 || !std::equal(load.begin(), load.end(), last_load_.begin(), same)) ++loads_;
+    last_load_ = load;
     double largest = 0;
     for (std::size_t c = 0; c < load.size(); ++c)
         if (std::isfinite(load[c])) {
@@ -194,6 +198,9 @@ std::vector<std::string> CaptureFile::missing() const {
             lines.push_back(
                 fmt::format("{} has {} loads: {} show whether the sensor is linear", name, levels.size(), kMinLevels));
     }
+    if (const std::size_t needed = kRowsPerCoefficient * (channels_.size() + 1); loads_ < needed)
+        lines.push_back(fmt::format("{} loads: {} channels need at least {}, those of all sessions together", loads_,
+                                    channels_.size(), needed));
     if (rows_of_session_.size() < 2)
         lines.emplace_back(
             "one session: take the sensor off, mount it again, and capture with --session 2, so that calibrate can "

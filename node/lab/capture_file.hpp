@@ -46,7 +46,9 @@ private:
     double last_t_s_ = 0;
     bool ends_with_a_line_ = true;
     std::map<std::string, std::size_t> rows_of_session_;
-    std::map<std::string, double> smallest_of_session_;    // the smallest load of its rows: their largest component
+    std::map<std::string, double> smallest_of_session_;  // the smallest load of its rows: their largest component
+    Load last_load_{};
+    std::size_t loads_ = 0;  // changes of the load from row to row: calibrate counts rows of one load once
     std::array<std::map<double, std::size_t>, 6> levels_;  // number of rows at each value, by component
 };
 

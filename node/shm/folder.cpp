@@ -59,8 +59,10 @@ std::string folder_warning(const std::string& folder, const std::string& node_na
                            first, folder);
     struct statfs system {};
     if (::statfs(folder.c_str(), &system) == 0 && system.f_type != TMPFS_MAGIC && system.f_type != RAMFS_MAGIC)
-        return fmt::format("{} is not in memory (tmpfs): the loop can be delayed while the kernel writes it to a disk",
-                           folder);
+        return fmt::format(
+            "{} is not in memory (tmpfs): the loop can be delayed while the kernel writes it to a disk; for a "
+            "trial this does not matter, and --runtime-dir names another folder",
+            folder);
     return "";
 }
 
