@@ -364,7 +364,8 @@ void no_undetected_old_value(double hours, bool is_attack) {
                 if (is_attack) vary(stream, random);
                 stream.clock_period_s = kind.clock_period_s;
                 // A counter of 8 bits that begins again may look as if frames were lost (freshness.md).
-                if (kind.episode == restart_in_a_lag && !stream.clock) stream.counter_bits = std::max(stream.counter_bits, 16u);
+                if (kind.episode == restart_in_a_lag && !stream.clock)
+                    stream.counter_bits = std::max(stream.counter_bits, 16u);
                 FreshnessRun run(stream, random());
                 if (!kind.from_the_start) run.run_s(300);
                 run.tally = {};
