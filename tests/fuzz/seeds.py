@@ -192,6 +192,21 @@ def isotp(put):
         put(bytes([0, length, length]) + bytes(length - 1))  # says one more than there are
 
 
+def http(put):
+    host = "Host: localhost:8080"
+    for n, path in enumerate(("/", "/api/status", "/api/events", "/api/stream", "/metrics", "/api/command", "/nothing")):
+        put(bytes([40 * n]) + f"GET {path} HTTP/1.1\r\n{host}\r\n\r\n".encode())
+    for fields in ((host, "Origin: http://localhost:8080"), ("Host: gripper.example", "Origin: https://gripper.example"), ("Host: [::1]:80",), ("Host: evil.example",),
+                   (host, "Origin: http://evil.example"), (host, "Sec-Fetch-Site: cross-site", "Sec-Fetch-Mode: cors"), (host, "Sec-Fetch-Site: same-site", "Sec-Fetch-Mode: navigate")):
+        put(b"\xff" + ("GET /metrics HTTP/1.1\r\n" + "\r\n".join(fields) + "\r\n\r\n").encode())
+    body = '{"command":"tare","sensor":"left"}'
+    right = [host, "Origin: http://localhost:8080", "Authorization: Bearer token-of-the-fuzzer-0", "Content-Type: application/json; x=y", f"Content-Length: {len(body)}"]
+    for missing in (None, 1, 2, 3):
+        fields = [field for n, field in enumerate(right) if n != missing]
+        put(b"\x05" + ("POST /api/command HTTP/1.1\r\n" + "\r\n".join(fields) + "\r\n\r\n" + body).encode())
+    put(b"\x05" + ("POST /api/command HTTP/1.1\r\n" + "\r\n".join([*right, "Sec-Fetch-Site: same-site", "Sec-Fetch-Mode: navigate"]) + "\r\n\r\n" + body).encode())
+
+
 def rtu(put):
     blocks(7, 8, 80)(put)
     for address in (0, *(5 ^ 1 << bit for bit in range(8))):  # every address; all but ours
@@ -215,7 +230,7 @@ def config(put):
 
 TARGETS = {"wire": wire, "dbc": dbc, "modbus": modbus, "mcap": mcap, "config": config, "scene": tomls("config/scenes"), "decouple": decouple, "csv": csv,
            "address": address, "can": blocks(1, 8, 60), "isotp": isotp, "i2c": blocks(2, 16, 80), "registers": registers, "clocks": blocks(4, 8, 60),
-           "shm": shm, "server": server, "rtu": rtu, "controls": controls}
+           "shm": shm, "server": server, "rtu": rtu, "controls": controls, "http": http}
 
 
 def main(folder):
