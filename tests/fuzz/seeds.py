@@ -204,6 +204,9 @@ def http(put):
     for missing in (None, 1, 2, 3):
         fields = [field for n, field in enumerate(right) if n != missing]
         put(b"\x05" + ("POST /api/command HTTP/1.1\r\n" + "\r\n".join(fields) + "\r\n\r\n" + body).encode())
+    for token in ("token-of-the-fuzzer-", "token-of-the-fuzzer-0x", "token-of-the-fuzzer-1"):
+        fields = [f"Authorization: Bearer {token}" if field.startswith("Authorization") else field for field in right]
+        put(b"\x05" + ("POST /api/command HTTP/1.1\r\n" + "\r\n".join(fields) + "\r\n\r\n" + body).encode())
     put(b"\x05" + ("POST /api/command HTTP/1.1\r\n" + "\r\n".join([*right, "Sec-Fetch-Site: same-site", "Sec-Fetch-Mode: navigate"]) + "\r\n\r\n" + body).encode())
 
 
