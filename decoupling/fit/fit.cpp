@@ -276,8 +276,8 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
                             component.name, component.held_out_rms, component.spread, component.name));
     }
     for (const auto& [name, value] : request.parameters)
-        if (std::none_of(all_fitted.begin(), all_fitted.end(), [&, key = name](const Trial* one) {
-                return one->calibration.parameters.count(key) != 0 && one->calibration.parameters.at(key) == value;
+        if (std::none_of(all_fitted.begin(), all_fitted.end(), [&, key = name, wanted = value](const Trial* one) {
+                return one->calibration.parameters.count(key) != 0 && one->calibration.parameters.at(key) == wanted;
             }))
             report.warnings.push_back(fmt::format(
                 "parameter {} = {} was not used: the fit has none of that name or finds it itself", name, value));

@@ -34,7 +34,7 @@ void add_common_options(CLI::App& app, Common& common) {
 
 std::string topic_word(const std::string& name) {
     std::string word;
-    for (const unsigned char c : name) word += std::isalnum(c) != 0 ? char(c) : '_';
+    for (const char c : name) word += std::isalnum(static_cast<unsigned char>(c)) != 0 ? c : '_';
     return word.empty() || std::isdigit(static_cast<unsigned char>(word.front())) != 0 ? "_" + word : word;
 }
 

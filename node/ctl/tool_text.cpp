@@ -12,8 +12,8 @@ namespace {
 
 nlohmann::json json_of(const auto& three) {
     nlohmann::json out = nlohmann::json::array();
-    for (const double number : three)
-        out.push_back(std::isfinite(number) ? nlohmann::json(number) : nlohmann::json(nullptr));
+    for (const auto number : three)
+        out.push_back(std::isfinite(number) ? nlohmann::json(double(number)) : nlohmann::json(nullptr));
     return out;
 }
 

@@ -10,6 +10,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 
 #include "config/text_file.hpp"
 #include "decoupling/csv.hpp"
@@ -165,7 +166,7 @@ std::vector<std::string> CaptureFile::missing() const {
     std::vector<std::string> lines;
     bool at_rest = true;
     for (const std::size_t c : label_) {
-        double smallest = INFINITY, largest = 0;
+        double smallest = std::numeric_limits<double>::infinity(), largest = 0;
         for (const auto& [value, rows] : levels_[c]) {
             smallest = std::min(smallest, std::abs(value));
             largest = std::max(largest, std::abs(value));

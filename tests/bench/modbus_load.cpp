@@ -244,7 +244,7 @@ int main(int argc, char** argv) {
         {"a byte each 40 ms",
          [&](int n) {
              if (side.empty()) side.emplace_back(port);
-             if (n % 8 == 0) say("\0\1\0\0\0\6\1\3\0\0\0\40" + n / 8 % 12, 1);
+             if (n % 8 == 0) say(&"\0\1\0\0\0\6\1\3\0\0\0\40"[n / 8 % 12], 1);
          }},
         {"asks without end, never reads",
          [&](int) {

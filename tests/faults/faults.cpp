@@ -17,15 +17,19 @@ void each(World& world, unsigned link, void (*change)(Device&)) {
         if (World::link_of(i) == link) change(world.device(i));
 }
 
-template <auto kMember, auto kOn, auto kOff>
+void set(bool& flag, int percent) { flag = percent != 0; }
+void set(double& probability, int percent) { probability = percent / 100.0; }
+
+// A flag of each device becomes true, or a probability becomes that many percent; afterwards it is false or zero.
+template <auto kMember, int kPercent = 100>
 constexpr Fault on_devices(const char* name, int number, Reach reach = Reach::link, std::uint64_t recovers_ms = 30) {
     return {name,
             number,
             reach,
             recovers_ms,
             0,
-            [](World& world, unsigned link) { each(world, link, [](Device& d) { d.*kMember = kOn; }); },
-            [](World& world, unsigned link) { each(world, link, [](Device& d) { d.*kMember = kOff; }); }};
+            [](World& world, unsigned link) { each(world, link, [](Device& d) { set(d.*kMember, kPercent); }); },
+            [](World& world, unsigned link) { each(world, link, [](Device& d) { set(d.*kMember, 0); }); }};
 }
 
 void nothing(World&, unsigned) {}
@@ -52,39 +56,39 @@ constexpr Fault kFaults[] = {
          w.unplug(l);
      },
      [](World& w, unsigned l) { w.plug(l); }},
-    on_devices<&Device::garbage, true, false>("garbage at line rate", 5),
-    on_devices<&Device::flips, 0.1, 0.0>("a bit flipped in every tenth frame", 6),
-    on_devices<&Device::wrong_length, true, false>("a wrong byte in the header", 7),
-    on_devices<&Device::cuts, 0.2, 0.0>("frames cut in half", 8),
+    on_devices<&Device::garbage>("garbage at line rate", 5),
+    on_devices<&Device::flips, 10>("a bit flipped in every tenth frame", 6),
+    on_devices<&Device::wrong_length>("a wrong byte in the header", 7),
+    on_devices<&Device::cuts, 20>("frames cut in half", 8),
     {"one byte a read", 9, Reach::link, 30, 0, [](World& w, unsigned l) { w.cable(l).chop = 1; },
      [](World& w, unsigned l) { w.cable(l).chop = 0; }},
     {"several frames in one read", 9, Reach::link, 30, 8,
      [](World& w, unsigned l) { w.cable(l).hold_until_ns = world_ns + 8 * kMs; }, nothing},
-    on_devices<&Device::drops, 0.2, 0.0>("frames lost by the device", 10),
-    on_devices<&Device::repeats, 0.2, 0.0>("frames sent twice", 10),
-    on_devices<&Device::swaps, 0.2, 0.0>("frames overtaken", 10),
+    on_devices<&Device::drops, 20>("frames lost by the device", 10),
+    on_devices<&Device::repeats, 20>("frames sent twice", 10),
+    on_devices<&Device::swaps, 20>("frames overtaken", 10),
     {"the counter wraps", 93, Reach::link, 30, 0,
      [](World& w, unsigned l) { each(w, l, [](Device& d) { d.jump_to(d.is_text() ? 0xFFFFFFF0u : 0xFFF0u); }); }, nothing},
     {"the device restarts", 30, Reach::link, 30, 0,
      [](World& w, unsigned l) { each(w, l, [](Device& d) { d.jump_to(0); }); }, nothing},
-    on_devices<&Device::silent, true, false>("silent stop", 11),
+    on_devices<&Device::silent>("silent stop", 11),
     {"half the rate", 12, Reach::link, 2100, 0,
      [](World& w, unsigned l) { each(w, l, [](Device& d) { d.period_ns = 2 * kPeriodNs; }); },
      [](World& w, unsigned l) { each(w, l, [](Device& d) { d.period_ns = kPeriodNs; }); }},
     {"twice the rate", 12, Reach::link, 2100, 0,
      [](World& w, unsigned l) { each(w, l, [](Device& d) { d.period_ns = kPeriodNs / 2; }); },
      [](World& w, unsigned l) { each(w, l, [](Device& d) { d.period_ns = kPeriodNs; }); }},
-    on_devices<&Device::other_shape, true, false>("another device under the name", 3),
+    on_devices<&Device::other_shape>("another device under the name", 3),
     {"a second device under the name", 23, Reach::twin, 1000, 0,
      [](World& w, unsigned l) { each(w, l, [](Device& d) { d.doubled = true; }); },
      [](World& w, unsigned l) { each(w, l, [](Device& d) { d.doubled = false; }); }},
-    on_devices<&Device::foreign, true, false>("frames of a device that nobody reads", 20),
-    on_devices<&Device::zeros, true, false>("all zeros", 29, Reach::twin),
-    on_devices<&Device::frozen, true, false>("frozen", 34),
-    on_devices<&Device::saturate, true, false>("a channel at its rail", 35),
-    on_devices<&Device::spikes, 0.3, 0.0>("single impossible steps", 36, Reach::twin),
-    on_devices<&Device::nan, true, false>("NaN in the stream", 37),
-    on_devices<&Device::missing, true, false>("a channel missing", 40),
+    on_devices<&Device::foreign>("frames of a device that nobody reads", 20),
+    on_devices<&Device::zeros>("all zeros", 29, Reach::twin),
+    on_devices<&Device::frozen>("frozen", 34),
+    on_devices<&Device::saturate>("a channel at its rail", 35),
+    on_devices<&Device::spikes, 30>("single impossible steps", 36, Reach::twin),
+    on_devices<&Device::nan>("NaN in the stream", 37),
+    on_devices<&Device::missing>("a channel missing", 40),
     {"no sensor has power", 11, Reach::node, 30, 0,
      [](World& w, unsigned) {
          for (unsigned i = 0; i < kSensors; ++i) w.device(i).silent = true;

@@ -13,8 +13,6 @@ namespace {
 using modbus::kNoI16;
 using modbus::kNoU16;
 
-constexpr unsigned kSensor = 100;  // the block of sensor 0, whose link has the faults
-
 std::string_view word_of(std::uint16_t value, std::string_view register_name) {
     for (const modbus::Name& name : modbus::names_of(register_name))
         if (name.value == value) return name.name;

@@ -11,21 +11,24 @@
 
 namespace tactiled::test::usbip {
 
+struct Submit {
+    std::uint32_t flags, length, start_frame, packets, interval;
+    std::uint8_t setup[8];
+};
+struct Answer {
+    std::uint32_t status, length, start_frame, packets, errors;
+    std::uint8_t unused[8];
+};
+struct Unlink {
+    std::uint32_t sequence;
+    std::uint8_t unused[24];
+};
 struct [[gnu::packed]] Header {  // big endian, but for `setup`
     std::uint32_t command, sequence, device, direction, endpoint;
     union {
-        struct {
-            std::uint32_t flags, length, start_frame, packets, interval;
-            std::uint8_t setup[8];
-        } submit;
-        struct {
-            std::uint32_t status, length, start_frame, packets, errors;
-            std::uint8_t unused[8];
-        } answer;
-        struct {
-            std::uint32_t sequence;
-            std::uint8_t unused[24];
-        } unlink;
+        Submit submit;
+        Answer answer;
+        Unlink unlink;
     };
 };
 static_assert(sizeof(Header) == 48);

@@ -183,8 +183,8 @@ std::vector<double> pad_reading(const Calibration& c, double u, double x, double
         const Real from = Real(centres[e]) - Real(e == 4 ? pi : half), to = Real(centres[e]) + Real(e == 4 ? pi : half);
         const Real edge = std::min(out, Real(1)), rest = (edge * edge - in * in) * (to - from) / 2;
         const Real grown = area_change<Real>(in, out, from, to, Real(1), Real(x), Real(y)) / rest;
-        const char* const name = "stray_C1\0stray_C2\0stray_C3\0stray_C4\0stray_Cn" + 9 * e;
-        const Real active = Real(c.zero[e]) - Real(c.parameters.at(name));
+        constexpr const char* kStray[] = {"stray_C1", "stray_C2", "stray_C3", "stray_C4", "stray_Cn"};
+        const Real active = Real(c.zero[e]) - Real(c.parameters.at(kStray[e]));
         r.push_back(double(Real(c.zero[e]) + active * (Real(u) * (1 + grown) - 1)));
     }
     return r;

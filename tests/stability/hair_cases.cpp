@@ -35,7 +35,7 @@ void add_sums_and_differences(Cases& cases) {
     std::vector<double> raised;
     for (const double x : r) raised.push_back(1e9 + x);
     const Real sum = (Real(raised[0]) + Real(raised[1]) + Real(raised[2]) + Real(raised[3])) - 4 * Real(1e9);
-    const double naive = (float(raised[0]) + float(raised[1]) + float(raised[2]) + float(raised[3])) - 4e9f;
+    const double naive = double((float(raised[0]) + float(raised[1]) + float(raised[2]) + float(raised[3])) - 4e9f);
     cases.value("S1", "2 kPa of press on a rest of 1e9 units: fz",
                 {-naive / (4 * kNormal) * kArea_m2, estimate_of(counts, raised).wrench_S[2],
                  -sum / (4 * Real(kNormal)) * Real(kArea_m2), 1, 8, 0, Textbook::single});

@@ -268,7 +268,7 @@ static inline int tactiled_open_in(struct tactiled_segment* segment, const char*
         const int both =
             tactiled_folder(0, segment->folder, sizeof segment->folder) && tactiled_folder(1, second, sizeof second);
         snprintf(segment->why, sizeof segment->why,
-                 "node \"%s\": no daemon of that name runs: no tactiled.%s in %.100s%s%.100s", node_name, node_name,
+                 "node \"%s\": no daemon of that name runs: no tactiled.%s in %.90s%s%.90s", node_name, node_name,
                  segment->folder, both ? " or " : "", both ? second : "");
     }
     if (!open) segment->folder[0] = 0; /* the next attempt searches all folders */

@@ -15,7 +15,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::uint64_t kSecond = MethodChoice::kSecond, kHour = MethodChoice::kHourNs;
+constexpr std::uint64_t kHour = MethodChoice::kHourNs;
 
 // Samples on a machine: each takes `slowness(t_s, method)` times its expected cost; one timed sample each
 // `period_ns`.

@@ -44,7 +44,7 @@ TEST(Arduino, TheSketchOfThePagePrintsWhatTheDecoderReads) {
 }
 
 TEST(Arduino, TheSketchHasAtMost30Lines) {
-    std::ifstream file(std::string(TACTILED_SOURCE_DIR) + "/drivers/wire/ascii_line.md");
+    std::ifstream file(TACTILED_SOURCE_DIR "/drivers/wire/ascii_line.md");
     std::string line;
     int lines = 0;
     while (std::getline(file, line) && line != "```cpp") {}

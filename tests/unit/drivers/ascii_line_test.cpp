@@ -67,7 +67,8 @@ TEST(AsciiLine, TellsWhyItDropsALine) {
     for (const std::string line : {"1,2,3\n", "1,2,3*\n", "1,2,3*0\n", "1,2,3*FF\n", "1,2,3*0G\n", "1,2,3*300\n"})
         EXPECT_EQ(kind(line, checked), TACTILED_LINK_BAD_CHECKSUM) << line;
     EXPECT_EQ(kind("1,2,3*00\n", three), TACTILED_LINK_BAD_CHECKSUM);  // wrong where none is required
-    EXPECT_EQ(kind(std::string(600, '1') + "\n", three), TACTILED_LINK_BAD_LENGTH);
+    const std::string digits(600, '1');
+    EXPECT_EQ(kind(digits + "\n", three), TACTILED_LINK_BAD_LENGTH);
     EXPECT_EQ(kind("# tactile v1\n", three), TACTILED_LINK_BYTES);
 }
 

@@ -217,7 +217,8 @@ TEST(CanSamples, WithoutACounterAMessageThatComesTwiceIsOfTwoSamples) {
     Bus bus({three(false)});
     bus.sample(10);
     bus.now_ns += 10 * kMs;
-    for (const std::uint32_t id : {0x10, 0x11, 0x11, 0x12}) bus.send(id, 0);  // the second 0x10 was lost, and the first 0x12
+    // The second 0x10 was lost, and the first 0x12.
+    for (const std::uint32_t id : {0x10u, 0x11u, 0x11u, 0x12u}) bus.send(id, 0);
     bus.sample(30);
     EXPECT_EQ(bus.frames.size(), 2u);
     EXPECT_EQ(bus.counts[TACTILED_LINK_LOST], 2u);

@@ -116,7 +116,8 @@ TEST(ClockFit, AMessageThatWasHeldUpForLongChangesNothing) {
     for (int n = 0; n < 5000; ++n) {
         auto [sent, timestamp, arrival] = adapter.next();
         const bool held_up = n % 1000 > 900;
-        if (held_up) arrival = Adapter::kStart + (n / 1000 * 1000 + 901) * kMs + 400 * kMs;  // 400 .. 300 ms, all at once
+        // 300 to 400 ms late, all at once.
+        if (held_up) arrival = Adapter::kStart + std::uint64_t(n / 1000 * 1000 + 901 + 400) * kMs;
         const std::uint64_t t_ns = fit.monotonic_ns(timestamp, arrival);
         const auto late_ns = std::int64_t(t_ns - Adapter::kStart - sent);
         ASSERT_TRUE(n <= 500 || held_up || late_ns <= 300'000) << n;

@@ -44,9 +44,9 @@ TEST(HexLine, ADigitThatCountsTellsWhatIsLostAndWhatCameTwice) {
 }
 
 TEST(HexLine, TakesNothingFromALineThatIsNotWhole) {
-    const std::string good = line(1);
+    const std::string good = line(1), digits(400, '1');
     for (const std::string& bad :
-         {good.substr(1), good.substr(0, 20) + "\n", "1" + good, std::string(400, '1') + "\n", std::string("\n")}) {
+         {good.substr(1), good.substr(0, 20) + "\n", "1" + good, digits + "\n", std::string("\n")}) {
         LinkCounts counts;
         HexDecoder decoder(kDynPick, counts);
         EXPECT_EQ(decode(decoder, bytes_of(line(0) + bad + line(1))).size(), 2u) << bad;

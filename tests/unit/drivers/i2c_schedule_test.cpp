@@ -73,9 +73,9 @@ TEST(I2cSchedule, TakesEveryConversionOfAChipWhoseClockIsTenPercentOff) {
 
 TEST(I2cSchedule, AnEdgeOfTheDataReadyLineGivesTheTimestampAndAMissedOneStopsNothing) {
     std::printf("%-10s %5s %7s %8s %7s %7s %6s\n", "chip", "clock", "missed", "frames/s", "p50 us", "worst", "trans.");
-    for (const std::size_t which : {0, 2, 6})  // ad7746, nau7802, ads122c04
+    for (const std::size_t which : {0u, 2u, 6u})  // ad7746, nau7802, ads122c04
         for (const double scale : {0.9, 1.0, 1.1})
-            for (const unsigned misses : {0, 5}) {
+            for (const unsigned misses : {0u, 5u}) {
                 const ChipKind& kind = chip_kinds()[which];
                 ChipBench bench;
                 ModelChip& model = bench.add(kind, 0, 0, 0, true);

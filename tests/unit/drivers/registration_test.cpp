@@ -168,7 +168,7 @@ TEST(Registration, EachFormatGivesTheSameFramesHoweverTheBytesAreCut) {
             return values;
         };
         const auto whole = decode(StreamDecoder::kMaxBytes);
-        for (const std::size_t chunk : {1, 2, 7, 100}) {
+        for (const std::size_t chunk : {1u, 2u, 7u, 100u}) {
             const auto cut = decode(chunk);
             ASSERT_EQ(cut.size(), whole.size()) << name;
             for (std::size_t i = 0; i < cut.size(); ++i)

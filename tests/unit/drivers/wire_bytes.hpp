@@ -25,7 +25,7 @@ inline Bytes hex(const std::string& text) {
 
 // Returns the example after the line with that beginning, from the format's own page.
 inline std::string line_after(const std::string& page, const std::string& beginning) {
-    std::ifstream file(std::string(TACTILED_SOURCE_DIR) + "/drivers/wire/" + page);
+    std::ifstream file(TACTILED_SOURCE_DIR "/drivers/wire/" + page);
     std::string line;
     while (std::getline(file, line) && !line.starts_with(beginning)) {}
     std::getline(file, line);

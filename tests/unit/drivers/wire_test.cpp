@@ -65,7 +65,7 @@ protected:
 
 TEST_P(BothFormats, GiveTheSameWhateverTheChunks) {
     const Bytes bytes = stream(0, 200);
-    for (const std::size_t chunk : {1, 2, 3, 7, 37, 38, 39, 100, 1000, 4096}) {
+    for (const std::size_t chunk : {1u, 2u, 3u, 7u, 37u, 38u, 39u, 100u, 1000u, 4096u}) {
         LinkCounts counts;
         const auto decoder = GetParam().decoder(counts);
         EXPECT_EQ(check(decode(*decoder, bytes, chunk)), 200u) << chunk;

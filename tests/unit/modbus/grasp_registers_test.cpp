@@ -5,6 +5,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <limits>
 
 #include "node/modbus/encode.hpp"
 #include "node/shm/writer.hpp"
@@ -260,7 +261,7 @@ TEST(GraspRegistersWithoutASegment, AreSentinels) {
 TEST(Registers, AThirtyTwoBitWeightSaturatesAndNeverWraps) {
     EXPECT_EQ(i32_of(1e300, 1e-4), 0x7FFFFFFFu);
     EXPECT_EQ(i32_of(-1e300, 1e-4), 0x80000001u);
-    EXPECT_EQ(i32_of(NAN, 1e-4), kNoI32);
+    EXPECT_EQ(i32_of(std::numeric_limits<double>::quiet_NaN(), 1e-4), kNoI32);
     EXPECT_EQ(std::int32_t(i32_of(-0.00005, 1e-4)), 0);  // halves to even
 }
 

@@ -25,7 +25,9 @@ TEST(Runner, WorkThatIsAnnouncedDuringARoundNeedsAnother) {
     Runner runner;
     int rounds = 0;
     EXPECT_TRUE(runner.run(4, [&] {
-        if (++rounds == 1) EXPECT_FALSE(runner.enter());  // another thread
+        if (++rounds == 1) {
+            EXPECT_FALSE(runner.enter());  // another thread
+        }
     }));
     EXPECT_EQ(rounds, 2);
     EXPECT_TRUE(runner.enter());
