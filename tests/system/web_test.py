@@ -67,7 +67,7 @@ class Values(Base):
     def registers(self):
         """Returns fx fy fz of the first sensor as a PLC reads them, in N."""
         with ModbusTcpClient("127.0.0.1", port=self.daemon.port) as client:
-            block = client.read_holding_registers(100, 25, slave=1).registers
+            block = client.read_holding_registers(100, count=25, slave=1).registers
         rows = [line.split("|") for line in (ROOT / "node/modbus/MAP.md").read_text().splitlines()]
         at = {row[4].strip(): int(row[2]) for row in rows if len(row) > 5 and row[2].strip().isdigit() and 100 <= int(row[2]) < 125}
         words = [block[at[name] - 100] for name in ("FX", "FY", "FZ")]

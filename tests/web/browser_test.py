@@ -147,7 +147,7 @@ class Page(Base):
         import struct
         from pymodbus.client import ModbusTcpClient
         with ModbusTcpClient("127.0.0.1", port=self.daemon.port) as client:
-            words = client.read_holding_registers(2100, 25, slave=1).registers
+            words = client.read_holding_registers(2100, count=25, slave=1).registers
         return [round(struct.unpack(">f", struct.pack(">HH", *words[i:i + 2]))[0], 3) for i in range(0, 24, 2)]
 
     def test_displayed_values_equal_the_registers(self):

@@ -119,14 +119,15 @@ protected:
         for (int i = 0; i < 3000 && __atomic_load_n(&count, __ATOMIC_RELAXED) < frames; ++i) ::usleep(10'000);
         ::usleep(60'000);
     }
-    // The values of all GOOD samples of a sensor, in order.
+    // The values of all samples of a sensor that are not BAD, in order. Without a clock or a counter they are UNCERTAIN
+    // after a silence, which a busy machine makes.
     std::vector<double> values(std::size_t sensor) {
         Reader reader(node_.plan.name, "s" + std::to_string(sensor));
         reader.rewind();
         std::vector<double> all;
         tactiled_sample s;
         while (reader.next(s))
-            if (s.quality == TACTILED_GOOD) all.push_back(s.raw_force_S_N[0]);
+            if (s.quality != TACTILED_BAD) all.push_back(s.raw_force_S_N[0]);
         EXPECT_EQ(reader.lost(), 0u);
         return all;
     }
