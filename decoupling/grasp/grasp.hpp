@@ -43,12 +43,16 @@ struct Setup {
     // most. 1 s is longer than picks take: a longer time delays a weight, and during a shorter one the arm's
     // braking may be weighed.
     double lift_acceleration_m_s2 = 2;
-    // long after lift-off at most. 1 s is longer than picks take: too long delays a weight, too short makes one of the arm's
-    // braking.
     double lift_accelerates_ms = 1000;
 
     bool operator==(const Setup&) const = default;
 };
+
+// Returns an upper bound of the acceleration along gravity with which the hand may swing at this frequency from the lift
+// on, and still hold a load that looks at rest at a crest of the swing, over a window of that length. At the crest the
+// load a(t) = a cos(2 pi f t) bends by a (2 pi f W)^2 / 16 between the outer and the inner quarters of the window W, and
+// the weight is judged at rest up to a relative bend. Infinite: a crest of any size looks at rest. rt: wait-free
+double max_hidden_swing_m_s2(double frequency_Hz, double weigh_window_ms) noexcept;
 
 // A taught object: its mass, and the sd of the mass from grasp to grasp.
 struct Object {

@@ -32,6 +32,10 @@ struct Rest {
 
 class Weight {
 public:
+    // The load reaches nine tenths some time before the object leaves the table, so that the arm may still accelerate
+    // where the window begins. This part of the window suffices if it is at rest.
+    static constexpr double kNewest = 0.7;
+
     explicit Weight(const Setup& setup);
 
     void gravity(const Eigen::Vector3d& gravity_G_m_s2) noexcept;

@@ -1,6 +1,8 @@
 // Checks a weight: whether the jaws agree with each other, and the weight with its own past.
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numbers>
 
 #include "decoupling/grasp/weight.hpp"
 
@@ -30,6 +32,15 @@ constexpr double kSlopeNoises = 1;                   // sd of a slope that noise
 constexpr double kSeen = 6;                          // in sd of a sensor: a smaller load has no time
 
 }  // namespace
+
+double max_hidden_swing_m_s2(double frequency_Hz, double weigh_window_ms) noexcept {
+    constexpr double kStandard_m_s2 = 9.80665;
+    const double phase = 2 * std::numbers::pi * frequency_Hz * weigh_window_ms * 1e-3;
+    // A whole window allows a bend and the noise that may hide it; the newest part of it allows less over less time.
+    const double allowed = std::max(std::hypot(kBends, kNoisy), kBends / Weight::kNewest);
+    const double of_load = 16 * allowed / (phase * phase);  // the load at the crest is 1 + a / g
+    return of_load < 1 ? of_load / (1 - of_load) * kStandard_m_s2 : std::numeric_limits<double>::infinity();
+}
 
 // Returns the mean forces of the jaws over the blocks newer than `from_ns`.
 std::span<const JawForces> Weight::forces_since(std::uint64_t from_ns, std::span<const Contact> jaws) noexcept {

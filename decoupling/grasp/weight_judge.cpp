@@ -28,11 +28,7 @@ constexpr double kSure = 0.2;     // relative deviation above which no weight is
 // From half of the load to nine tenths of it; lifts in the tests take 0.05 to 0.3 s in all.
 constexpr std::uint64_t kSlowly_ns = 250'000'000;
 constexpr std::uint64_t kQuiet_ns = 500'000'000;  // half a period of a swing of 1 Hz
-// The load reaches nine tenths some time before the object leaves the table, so that the arm may still accelerate where
-// the window begins. This part of the window suffices if it is at rest; it must have enough blocks to show noise and
-// bend.
-constexpr double kNewest = 0.7;
-constexpr std::size_t kMinNewest = 8;
+constexpr std::size_t kMinNewest = 8;             // blocks of 5 ms that show noise and bend
 
 double square(double x) noexcept { return x * x; }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "config/calibration.hpp"
+#include "decoupling/grasp/grasp.hpp"
 #include "node/ctl/doctor/doctor.hpp"
 #include "node/setup.hpp"
 
@@ -93,9 +94,31 @@ void look_at_sensor(const Node& node, std::size_t i, Findings& found) {
                fmt::format("contact_on_N = {:.2g}", full_N / 10));
 }
 
+// Reports how large a swing of the hand may be and its crest still looks like a load at rest, where the weight does not
+// wait for the longest time after the lift.
+void look_at_swings(const GraspSettings& grasp, Findings& found) {
+    if (grasp.lift_accelerates_ms >= grasp::Setup{}.lift_accelerates_ms) return;
+    const auto up_to = [](double frequency_Hz, double window_ms) {
+        const double a_m_s2 = grasp::max_hidden_swing_m_s2(frequency_Hz, window_ms);
+        return std::isfinite(a_m_s2) ? fmt::format("up to {:.2g} m/s2", a_m_s2) : "any size";
+    };
+    const double longer_ms = std::min(1000.0, 2 * grasp.weigh_window_ms);
+    found.push_back(
+        {"grasp", Verdict::advice,
+         fmt::format("weigh_window_ms = {:g} with lift_accelerates_ms = {:g}: where the hand swings along gravity from the "
+                     "lift on, a crest of {} at 1 Hz, or of {} at 0.5 Hz, looks like a load at rest, and its "
+                     "acceleration is weighed as mass",
+                     grasp.weigh_window_ms, grasp.lift_accelerates_ms, up_to(1, grasp.weigh_window_ms),
+                     up_to(0.5, grasp.weigh_window_ms)),
+         fmt::format("if the hand can swing: lift_accelerates_ms = {:g}, or weigh_window_ms = {:g} ({} at 1 Hz), or let "
+                     "the robot report its acceleration",
+                     grasp::Setup{}.lift_accelerates_ms, longer_ms, up_to(1, longer_ms))});
+}
+
 }  // namespace
 
 void look_at_safety(const Node& node, Findings& found) {
+    if (node.config.grasp) look_at_swings(*node.config.grasp, found);
     for (const auto& link : node.links)
         if (const std::string advice = link->driver != nullptr ? link->driver->advice() : ""; !advice.empty())
             found.push_back({"line", Verdict::advice, fmt::format("link \"{}\": {}", link->name, advice), ""});
