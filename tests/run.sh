@@ -19,34 +19,35 @@ build() { # preset targets...
 }
 build release shipped_tests kernel_tools
 
-# Most of the shipped programs' tests wait for what other programs do: the compiler uses that time.
-ctest --test-dir build/release -LE 'bytes|numbers|kernel' -E NOT_BUILT -j $((2 * jobs)) --output-on-failure >build/release-tests.log 2>&1 &
-release_tests=$!
-# A machine under QEMU with a clock of its own: with less of a processor it takes longer and finds the same.
-chrt --idle 0 ctest --test-dir build/release -L kernel --no-tests=error --output-on-failure >build/kernel-tests.log 2>&1 &
-kernel_tests=$!
-trap 'cat build/*-tests.log; pkill -P "$release_tests,$kernel_tests"; kill "$release_tests" "$kernel_tests"' EXIT  # a build failed
+# Most of the shipped programs' tests wait for what other programs do: the compiler uses that time. Scenes, faults in
+# simulated time and the checks of the text give way to the tests whose daemon must be in time. So does a machine under
+# QEMU with a clock of its own: with less of a processor it takes longer and finds the same.
+beside() { # LOG PREFIX... -- CTEST_OPTION...: in the background
+    local log=build/$1-tests.log prefix=(); shift
+    while [ "$1" != -- ]; do prefix+=("$1"); shift; done; shift
+    "${prefix[@]}" ctest --test-dir build/release --no-tests=error --output-on-failure "$@" >"$log" 2>&1 &
+}
+beside release -- -L 'system|guard' -j $((2 * jobs)); release_tests=$!
+beside other nice -n 19 -- -LE 'bytes|numbers|kernel|system|guard' -E NOT_BUILT -j "$jobs"; other_tests=$!
+beside kernel chrt --idle 0 -- -L kernel; kernel_tests=$!
+trap 'cat build/*-tests.log; pkill -P "$release_tests,$other_tests,$kernel_tests"; kill "$release_tests" "$other_tests" "$kernel_tests"' EXIT  # a build failed
 
 status=0
 build release number_tests
 build asan sanitized_tests
 build tsan node_test modbus_test
 stage "the rest of the shipped programs' tests"
-beside_compilers=0
-wait "$release_tests" || beside_compilers=1
-kernel_beside=0
-wait "$kernel_tests" || kernel_beside=1
+failed_beside=()
+wait "$release_tests" || failed_beside+=(release)
+wait "$other_tests" || failed_beside+=(other)
+wait "$kernel_tests" || failed_beside+=(kernel)
 trap - EXIT
-cat build/kernel-tests.log build/release-tests.log
-if [ $beside_compilers != 0 ]; then
-    echo "run.sh: what failed beside the compilers, once more with the machine to itself:"
+cat build/*-tests.log
+if [ ${#failed_beside[@]} != 0 ]; then
+    stage "what failed beside the compilers, once more without them"
     # By name: numbers and --rerun-failed are no longer those of the list that ran.
-    failed=$(sed -n 's/^[[:space:]]*[0-9]* - \(.*\) ([A-Za-z ]*).*$/\1/p' build/release-tests.log | paste -sd'|')
-    ctest --test-dir build/release -R "^($failed)\$" --no-tests=error --output-on-failure || status=1
-fi
-if [ $kernel_beside != 0 ]; then
-    stage "tests/kernel once more, with the machine to itself"
-    ctest --test-dir build/release -L kernel --no-tests=error --output-on-failure || status=1
+    failed=$(for each in "${failed_beside[@]}"; do sed -n 's/^[[:space:]]*[0-9]* - \(.*\) ([A-Za-z ]*).*$/\1/p' "build/$each-tests.log"; done | paste -sd'|')
+    ctest --test-dir build/release -R "^($failed)\$" -j "$jobs" --no-tests=error --output-on-failure || status=1
 fi
 stage "units as shipped"
 ctest --test-dir build/release -L numbers -j "$jobs" --output-on-failure || status=1

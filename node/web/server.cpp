@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
+#include <poll.h>
 #include <strings.h>
 #include <sys/eventfd.h>
 #include <sys/socket.h>
@@ -297,9 +298,21 @@ MHD_Result Server::send_made(MHD_Connection* connection, const std::string& path
     return MHD_queue_response(connection, 200, made.response.get());
 }
 
+std::size_t Server::count_open_streams() const {
+    std::size_t n = 0;
+    for (const Stream& stream : streams_) {
+        pollfd peer{MHD_get_connection_info(stream.connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd, POLLRDHUP, 0};
+        if (::poll(&peer, 1, 0) == 1)
+            ::shutdown(peer.fd, SHUT_RDWR);  // one that only stopped sending keeps no place either
+        else
+            ++n;
+    }
+    return n;
+}
+
 MHD_Result Server::open_stream(MHD_Connection* connection) {
-    if (streams_.size() >= limits_.streams)
-        return refuse(connection, 503, fmt::format("{} pages are open already", streams_.size()), "Retry-After", "5");
+    if (streams_.size() >= limits_.streams && count_open_streams() >= limits_.streams)
+        return refuse(connection, 503, fmt::format("{} pages are open already", limits_.streams), "Retry-After", "5");
     streams_.emplace_front();
     streams_.front().server = this;
     streams_.front().connection = connection;

@@ -74,6 +74,8 @@ private:
     MHD_Result answer(MHD_Connection* connection, const std::string& path, const std::string& method, Exchange& exchange);
     MHD_Result send_made(MHD_Connection* connection, const std::string& path, const std::function<std::string()>& make,
                          const char* type);
+    // Streams whose client is still there. One that has left keeps its entry until the next frame cannot be sent.
+    std::size_t count_open_streams() const;
     MHD_Result open_stream(MHD_Connection* connection);
     MHD_Result command(MHD_Connection* connection, Exchange& exchange);
     MHD_Result answer_command(MHD_Connection* connection, const Exchange& exchange);

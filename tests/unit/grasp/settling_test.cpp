@@ -70,7 +70,7 @@ TEST(GraspSettling, LateAfterALiftOnlyAWholeWindowSuffices) {
     EXPECT_GT(stable_after_s(hand, 0.1), 0.08);
 }
 
-// Where the robot reports the acceleration, the window begins at the lift-off and is weighed whole.
+// The window begins at the lift-off and is weighed whole if the robot reports the acceleration.
 TEST(GraspSettling, WithAReportedAccelerationOnlyAWholeWindowSuffices) {
     Hand hand;
     hand.each = [&](const tactiled_grasp&) { hand.grasp.acceleration({0, 0, 0}, std::uint64_t(hand.t_s() * 1e9)); };
