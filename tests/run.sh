@@ -20,8 +20,8 @@ build() { # preset targets...
 build release shipped_tests kernel_tools
 
 # Most of the shipped programs' tests wait for what other programs do: the compiler uses that time. Scenes, faults in
-# simulated time and the checks of the text give way to the tests whose daemon must be in time. So does a machine under
-# QEMU with a clock of its own: with less of a processor it takes longer and finds the same.
+# simulated time and the checks of the text give way to the tests whose daemon must be in time. A machine under QEMU,
+# whose clock is its own, gives way, too: with less of a processor it takes longer and finds the same.
 beside() { # LOG PREFIX... -- CTEST_OPTION...: in the background
     local log=build/$1-tests.log prefix=(); shift
     while [ "$1" != -- ]; do prefix+=("$1"); shift; done; shift
