@@ -40,8 +40,8 @@ std::string word(const mcap::Channel& channel, std::string_view key) {
 // "pick.mcap" is node "pick-1234": a name that no daemon has.
 std::string name_of(const std::string& path) {
     std::string name;
-    for (const unsigned char c : std::filesystem::path(path).stem().string())
-        if (name.size() < 20) name += std::isalnum(c) != 0 ? char(c) : '-';
+    for (const char c : std::filesystem::path(path).stem().string())
+        if (name.size() < 20) name += std::isalnum(static_cast<unsigned char>(c)) != 0 ? c : '-';
     return fmt::format("{}-{}", name, ::getpid());
 }
 

@@ -40,7 +40,7 @@ private:
     void observe_sensor(const View& view, std::uint32_t i);
 
     std::deque<Event> events_;
-    std::uint64_t revision_ = 0, structure_ = 0;
+    std::uint64_t revision_ = 0;
     bool any_ = false, alive_ = false;
     std::string why_;
     std::uint32_t epoch_ = 0, reloads_ = 0, fault_ = 0, warning_ = 0, slips_ = 0;
