@@ -197,6 +197,27 @@ class DeadDaemon(unittest.TestCase):
         self.assertEqual(done.returncode, 3)
         self.assertFalse((self.daemon.folder / "b.mcap").exists())
 
+    def test_a_killed_daemon_whose_parent_has_not_waited_for_it_is_dead(self):
+        """A supervisor or a shell may leave the ended process as a zombie, which has a number and a name in /proc."""
+        with unit_daemon() as d:
+            d.start()
+            wait_for(quality_is(d, "good"), 5, "a good sample")
+            os.kill(d.process.pid, signal.SIGKILL)  # Popen.send_signal() would wait for an ended process
+            stat = pathlib.Path(f"/proc/{d.process.pid}/stat")
+            wait_for(lambda: "(tactiled) Z" in stat.read_text(), 5, "the zombie")
+            time.sleep(0.5)
+            for words in (("status",), ("read", "left"), ("top", "--count", "1")):
+                done = d.ctl(*words)
+                self.assertEqual(done.returncode, 3, (words, done))
+                self.assertIn("is dead", done.stdout + done.stderr)
+                self.assertNotIn("it hangs or was stopped", done.stdout + done.stderr)
+            self.assertEqual(json.loads(d.ctl("status", "--json").stdout)["daemon"], "dead")
+            findings = json.loads(ctl("doctor", "--json", "--config", d.config).stdout)["findings"]
+            said = [(f["verdict"], f["says"]) for f in findings if f["check"] == "daemon"]
+            self.assertEqual([verdict for verdict, _ in said], ["wrong"])
+            self.assertIn("is dead", said[0][1])
+            self.assertIn("(tactiled) Z", stat.read_text())  # it was a zombie until the end
+
     def test_a_stopped_daemon_hangs_and_is_not_dead(self):
         with unit_daemon() as d:
             d.start()
