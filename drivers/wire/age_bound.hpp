@@ -16,13 +16,15 @@ namespace tactiled {
 // The reference follows the drift of the clocks as a line. Its slope is fitted to the smallest x of each window. At the end
 // of a window the reference may also rise to the window's smallest x, by at most the uncertainty of the slope. A window
 // whose smallest x lies higher shows a lag: the line is then continued and not learned from. A frame below the reference
-// lowers it at once.
+// lowers it at once. A reference that is lowered for longer than the uncertainty of the slope explains belongs to a clock
+// that has become faster, or to a lag that shrinks evenly: see is_too_fast().
 class AgeBound {
 public:
     struct Limits {
         double max_drift = 200e-6;  // drift of the two clocks against each other: two crystals of 100 ppm
         double wander = 40e-6;      // change of the drift within minutes, by temperature
         double wrap_ns = 0;         // the device's clock starts again from 0 after this time; 0 = never
+        double excess = 0.05;       // largest part by which a clock runs too fast; x that falls faster is the end of a lag
     };
 
     AgeBound() : AgeBound(Limits()) {}
@@ -38,6 +40,7 @@ public:
             restart();
             return 0;
         }
+        has_fallen_ = false;
         const auto step = double(std::int64_t(host_ns - host_ns_));
         auto ahead = double(std::int64_t(device_ns - device_ns_));
         if (limits_.wrap_ns > 0)  // the number of wraps that is closest to the host's time
@@ -83,12 +86,13 @@ public:
 
     // The next frames are known to be on time: the reference is learned anew. The slope is kept. rt: wait-free
     void restart() noexcept {
-        reference_ = x_;
-        back_ns_ = 0;
-        points_ = 0;
-        is_held_ = false;
-        open_window();
+        lowered_ns_ = 0;
+        begin_again();
     }
+
+    // The device's clock advances faster than its rate and its uncertainty allow, by more than 60 ms in sum: while that goes
+    // on, a lag that begins is not seen. It is not forgotten. rt: wait-free
+    [[nodiscard]] bool is_too_fast() const noexcept { return is_too_fast_; }
 
     // How often the device's clock was set back, and has stayed so.
     [[nodiscard]] unsigned set_back() const noexcept { return set_back_; }
@@ -96,6 +100,8 @@ public:
     [[nodiscard]] double silence_before_set_back_ns() const noexcept { return back_silence_ns_; }
     // The last frame is the first one after a known period of the clock, which had been learned from an earlier end.
     [[nodiscard]] bool has_wrapped() const noexcept { return has_wrapped_; }
+    // The last frame came much earlier than any before: a lag since the start has ended, or the clock was set.
+    [[nodiscard]] bool has_fallen() const noexcept { return has_fallen_; }
     // The smallest lateness of the last window shows a lag.
     [[nodiscard]] bool is_held() const noexcept { return is_held_; }
     // Uncertainty of the drift between the clocks, as a fraction.
@@ -109,9 +115,11 @@ private:
     // Delays that vary within minutes change the slope by this over the span of the fit: USB polls of 16 ms, and half
     // as much again.
     static constexpr double kPerturbation_ns = 30e6;
-    static constexpr double kFall_ns = 20e6;    // a larger fall of the smallest delay would bend the fit: it begins again
-    static constexpr double kLag_ns = 10e6;     // the smallest delay of a window does not grow by so much without a lag
-    static constexpr double kSetBack_ns = 2e9;  // a clock that has gone back and stays so for this time was set back
+    static constexpr double kFall_ns = 20e6;     // a larger fall of the smallest delay would bend the fit: it begins again
+    static constexpr double kLag_ns = 10e6;      // the smallest delay of a window does not grow by so much without a lag
+    static constexpr double kTooFast_ns = 60e6;  // a fall of kFall_ns, then delays that differ by less than 40 ms
+    static constexpr double kJump_ns = 100e6;    // no rate explains such a fall within one frame
+    static constexpr double kSetBack_ns = 2e9;   // a clock that has gone back and stays so for this time was set back
     static constexpr double kEarlyWrap_ns = 1073741824e3;  // 2^30 us
     static constexpr double kWrapError_ns = 50e6;          // by which two delays differ that are no lag
     static constexpr double kHeldShare = 0.125;  // share of the uncertainty by which the reference rises during a lag
@@ -126,6 +134,14 @@ private:
         return other_wrap_ns_ > 0 && double(device_ns)<step + kWrapError_ns&& double(device_ns_) <
                                                        other_wrap_ns_ + kWrapError_ns&& double(device_ns_) + step>
                                              other_wrap_ns_ - kWrapError_ns;
+    }
+
+    void begin_again() noexcept {
+        reference_ = x_;
+        back_ns_ = 0;
+        points_ = 0;
+        is_held_ = false;
+        open_window();
     }
 
     // The clock was set back. A lag that there was before is there still: the first frame after it was measured later than
@@ -144,16 +160,33 @@ private:
         reference_ += slope_ * step;
         // A silence gives no information on the drift.
         if (step > kMaxWindow_ns) reference_ += uncertainty_ * (is_held_ ? kHeldShare : 1.0) * step;
-        if (x_ < reference_) {
-            if (x_ < reference_ - kFall_ns) restart();  // a lag since the start has ended, or the clock was set forward
-            reference_ = x_;
-        }
+        excess_ns_ = std::min(excess_ns_ + limits_.excess * step, kFall_ns);
+        explain(uncertainty_ * step);
+        if (has_wrapped_) lowered_ns_ = -kWrapError_ns;  // the period is known so well
+        if (x_ < reference_) lower(step);
         if (const double above = x_ - reference_; above < window_min_) {
             window_min_ = above;
             window_point_ = {t_, x_};
         }
         ++window_frames_;
         if (t_ - window_begin_ >= window_ns_ && window_frames_ >= kMinFrames) close_window();
+    }
+
+    void explain(double fall_ns) noexcept {
+        if (lowered_ns_ > 0) lowered_ns_ = std::max(lowered_ns_ - fall_ns, 0.0);
+    }
+
+    void lower(double step) noexcept {
+        const double fall = reference_ - x_, counted = std::min(fall, excess_ns_);
+        excess_ns_ -= counted;
+        lowered_ns_ += counted;
+        is_too_fast_ = is_too_fast_ || lowered_ns_ > kTooFast_ns;
+        if (fall > kFall_ns) {  // a lag since the start has ended, or the clock was set forward
+            has_fallen_ = true;
+            if (fall > kJump_ns + limits_.excess * step) lowered_ns_ = 0;
+            begin_again();
+        }
+        reference_ = x_;
     }
 
     void close_window() noexcept {
@@ -163,6 +196,7 @@ private:
             reference_ += allowed * kHeldShare;
         } else {
             reference_ += std::min(window_min_, allowed);
+            explain(std::min(window_min_, allowed));
             if (points_ == kWindows) std::move(point_.begin() + 1, point_.end(), point_.begin());
             point_[std::min(points_++, kWindows - 1)] = window_point_;
             points_ = std::min(points_, kWindows);
@@ -211,7 +245,10 @@ private:
     double back_silence_ns_ = 0;
     double before_back_ = 0, late_before_back_ = 0, back_since_ = 0;  // x, the lateness and t_ before
     double first_since_back_ = 0, min_since_back_ = 0;                // x since then, without the drift
-    double other_wrap_ns_ = 0;                                        // back_ns_ of the last time; 0: none
+    double lowered_ns_ = 0;  // sum by which the reference was lowered, as far as neither drift nor jumps explain it
+    double excess_ns_ = 0;   // by which a clock that is too fast may have lowered it since
+    bool is_too_fast_ = false, has_fallen_ = false;
+    double other_wrap_ns_ = 0;  // back_ns_ of the last time; 0: none
     bool wraps_early_ = false, has_wrapped_ = false;
     unsigned set_back_ = 0;
     double window_begin_ = 0, window_ns_ = kMinWindow_ns, window_min_ = 1e300;

@@ -66,9 +66,14 @@ private:
     static constexpr std::uint64_t kBooted_us = 30'000'000;
     static constexpr double kBooted_ns = double(kBooted_us) * 1e3;
     static constexpr double kFits_ns = 20e9;
+    static constexpr double kResonator_ppm = 20'000;
     static constexpr double kLeap = 8, kCountedLeap = 2;  // intervals from one frame to the next
     static constexpr double kMaxRateError = 0.04;         // of the rate measured at first: delays of 36 ms in 2 s, and more
     static constexpr double kLearn_ns = 2e9;
+    static constexpr double kFaster = 0.5;  // largest part by which a device gets faster than its rate
+    // For a lag of this size, a device that got faster would be seen within the time that the lag took to be caught up.
+    static constexpr double kSettled_ns = 160e6;
+    static constexpr double kShortCounter_ns = 60e9;
     static constexpr double kMinClosed_ns = 200e6, kMaxClosed_ns = 2e9, kMissingFrames = 4;
     static constexpr unsigned kLearnFrames = 10;
 
@@ -78,7 +83,9 @@ private:
     void by_cable(Frame& frame) noexcept;
     void backdate(Frame& frame, double late_ns) noexcept;
     void learn_rate(double advance, std::uint64_t host_ns) noexcept;
+    [[nodiscard]] bool has_settled(double late, std::uint64_t host_ns) noexcept;
     [[nodiscard]] double frames_since(const Frame& frame, double silence_ns) const noexcept;
+    [[nodiscard]] bool seems_restarted(const Frame& frame, double late_ns) const noexcept;
     // The path has discarded what it held when it was closed: the device's time, or its counter, has gone on meanwhile.
     // `late_ns` of a path that keeps its frames has grown by the time for which it was closed.
     [[nodiscard]] bool has_discarded(double late_ns) const noexcept {
@@ -102,9 +109,14 @@ private:
     // The counter as a clock.
     std::uint32_t sequence_ = 0;
     double period_ns_ = 0;        // 0: not known yet
+    double max_period_ns_ = 0;    // > 0: the device has got faster than this since
     double counted_ = 0;          // frames since the first one
     std::uint64_t learn_ns_ = 0;  // host time of the first frame that period_ns_ is learnt from
     double learn_frames_ = 0;
+    bool must_reopen_ = false;        // no number can prove the age until then
+    double max_late_ns_ = 0;          // of this lag
+    std::uint64_t max_late_at_ = 0;   // when it was so late, by a tenth
+    std::uint64_t settle_until_ = 0;  // 0: no lag has been caught up
 };
 
 inline void StreamAge::open(const Route& route) noexcept {
@@ -113,7 +125,7 @@ inline void StreamAge::open(const Route& route) noexcept {
     route_ = route;
     if (first || other) {
         bound_ = AgeBound();
-        has_clock_ = is_unproved_ = has_frame_ = false;
+        has_clock_ = is_unproved_ = must_reopen_ = has_frame_ = false;
     }
     is_reopened_ = has_frame_;
     trouble_ns_ = 0;
@@ -155,7 +167,7 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     if (!has_clock_) {
         // On a cable a lag cannot be large: the clock is a second look, and may be a ceramic resonator's.
         const bool cable = route_.path == Route::Path::direct;
-        const double ppm = cable ? std::max(route_.clock_ppm, 20'000.0) : route_.clock_ppm;
+        const double ppm = cable ? std::max(route_.clock_ppm, kResonator_ppm) : route_.clock_ppm;
         bound_ = AgeBound({.max_drift = ppm * 1e-6, .wander = cable ? 500e-6 : ppm * 0.2e-6, .wrap_ns = kWrap_ns});
         has_clock_ = true;
         is_unproved_ = false;
@@ -163,16 +175,21 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     proof_ = Proof::clock;
     const bool ended = AgeBound::is_early_wrap(device_time_us_ * 1000, frame.device_time_us * 1000);
     const auto silence_us = double(host_ns - host_ns_) * 1e-3;
+    // Decoders take a clock that begins again in the second half of its 32 bits for one that has passed its end.
+    const std::uint64_t booted_us = frame.device_time_us & 0xFFFFFFFF;
+    const bool went_back =
+        frame.device_time_us < device_time_us_ || (frame.device_time_us >> 32 != device_time_us_ >> 32 &&
+                                                   double(frame.device_time_us - device_time_us_) > silence_us + 1e6);
     // The clock of a device that restarted is small, too: else a short counter shows an old frame, or that a path has
     // discarded more frames than the counter's range.
     const bool counter_began = has_frame_ && !ended && frame.has_sequence &&
-                               double(frame.device_time_us) < double(kBooted_us) + silence_us &&
+                               double(booted_us) < double(kBooted_us) + silence_us &&
                                frames_since(frame, double(host_ns - host_ns_)) == 0;
     // A device whose counter goes on has not restarted: its clock has passed its end, or was set back.
     const bool counts_on = frame.has_sequence && !is_reopened_ && !counter_began &&
                            double(frame.lost) * interval_us_ < double(host_ns - host_ns_) * 1e-3 + 1e6;
-    const bool clock_began = has_frame_ && !ended && !counts_on && frame.device_time_us < kBooted_us &&
-                             frame.device_time_us < device_time_us_ / 2 && silence_us > kLate_ns * 1e-3;
+    const bool clock_began = has_frame_ && !ended && !counts_on && booted_us < kBooted_us && went_back &&
+                             booted_us < device_time_us_ / 2 && silence_us > kLate_ns * 1e-3;
     // Either the clock was set on, or the device had paused while the path held its frames. A cable holds none.
     const bool leapt = route_.path == Route::Path::network && late_ns_ > kLate_ns && !is_reopened_ &&
                        frame.device_time_us > device_time_us_ &&
@@ -189,17 +206,29 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     if (bound_.set_back() != set_back || bound_.has_wrapped()) device_time_us_ = frame.device_time_us;
     // After a new opening the clock may as well have passed the end of its 32 bits: then it fits the reference.
     const bool fits = is_reopened_ && late < kFits_ns;
-    if ((counter_began || (clock_began && !fits && !bound_.has_wrapped())) &&
-        late > kLate_ns) {  // a new reference; a lag that there was may still be there
+    const bool began = counter_began || (clock_began && !fits && !bound_.has_wrapped());
+    if (began && (late > kLate_ns || (counter_began && went_back) || bound_.has_fallen() ||
+                  bound_.set_back() != set_back)) {  // a new reference; a lag that there was may still be there
         is_unproved_ = is_unproved_ || (late_ns_ > kLate_ns && route_.path == Route::Path::network);
+        // A lag may have begun in the silence, as far as the device's time does not explain it.
+        if (silence_us - double(booted_us) > kLate_ns * 1e-3 + interval_us_ && route_.reopening_discards)
+            is_unproved_ = true;
         bound_.restart();
         late = 0;
     }
     const bool may_have_begun = bound_.set_back() != set_back && !counter_began && !clock_began &&
                                 route_.path == Route::Path::network &&
                                 bound_.silence_before_set_back_ns() > kLate_ns + interval_us_ * 1e3;
-    is_unproved_ = is_unproved_ || leapt || may_have_begun;
-    if (has_discarded(late)) is_unproved_ = false;
+    const bool too_fast = bound_.is_too_fast() && route_.path == Route::Path::network;
+    is_unproved_ = is_unproved_ || leapt || may_have_begun || too_fast;
+    if (has_discarded(late)) {
+        is_unproved_ = false;
+        if (too_fast) {  // this frame is on time: the drift is learned anew, as that of a resonator
+            bound_ =
+                AgeBound({.max_drift = kResonator_ppm * 1e-6, .wander = route_.clock_ppm * 0.2e-6, .wrap_ns = kWrap_ns});
+            late = bound_.late_ns(host_ns, frame.device_time_us * 1000);
+        }
+    }
     const double waited_ns =
         frame.since_ns != 0 && frame.since_ns < frame.taken_ns ? double(frame.taken_ns - frame.since_ns) : 0;
     late_ns_ = std::max(late - waited_ns, 0.0);  // by the path
@@ -232,6 +261,16 @@ inline double StreamAge::frames_since(const Frame& frame, double silence_ns) con
     return wraps >= 0 ? steps + wraps * range : 0;
 }
 
+// A restart that looks as if frames were lost: more of them than the time allows, or a small number of a counter whose range
+// is shorter than a lag may be. `late_ns` is what the number makes of the frame's lateness.
+inline bool StreamAge::seems_restarted(const Frame& frame, double late_ns) const noexcept {
+    if (frame.lost == 0 || is_reopened_) return false;
+    const double range = std::ldexp(1.0, frame.sequence_bits);
+    const bool is_short =
+        range * period_ns_ < kShortCounter_ns && frame.sequence < std::min(kBooted_ns / period_ns_, range / 8);
+    return late_ns < -2 * kLate_ns || (is_short && late_ns_ + double(frame.lost) * period_ns_ > kLate_ns);
+}
+
 inline void StreamAge::learn_rate(double advance, std::uint64_t host_ns) noexcept {
     learn_frames_ += advance;
     const auto elapsed_ns = double(host_ns - learn_ns_);
@@ -239,8 +278,27 @@ inline void StreamAge::learn_rate(double advance, std::uint64_t host_ns) noexcep
     period_ns_ = elapsed_ns / learn_frames_;
     if (declared_ns_ > 0)
         period_ns_ = std::clamp(period_ns_, declared_ns_ / (1 + tolerance_), declared_ns_ * (1 + tolerance_));
-    bound_ = AgeBound({.max_drift = kMaxRateError, .wander = route_.clock_ppm * 0.2e-6});
+    if (max_period_ns_ > 0) period_ns_ = std::min(period_ns_, max_period_ns_);
+    bound_ = AgeBound({.max_drift = kMaxRateError, .wander = route_.clock_ppm * 0.2e-6, .excess = kFaster});
     counted_ = 0;
+}
+
+// A lag has been caught up if the frames come no longer faster than the device's rate: else the device has got faster, and
+// the lag is still there. A lag that is caught up faster than a device gets needs no time.
+inline bool StreamAge::has_settled(double late, std::uint64_t host_ns) noexcept {
+    if (late > 0.9 * max_late_ns_) {
+        max_late_ns_ = std::max(max_late_ns_, late);
+        max_late_at_ = host_ns;
+    }
+    if (late > kCaughtUp_ns) {
+        if (late > kLate_ns) settle_until_ = 0;
+        return settle_until_ != 0 && host_ns > settle_until_;
+    }
+    const auto took_ns = double(host_ns - max_late_at_);
+    if (settle_until_ == 0)
+        settle_until_ =
+            host_ns + (took_ns > max_late_ns_ / kFaster ? std::uint64_t(took_ns / max_late_ns_ * kSettled_ns) : 0);
+    return host_ns >= settle_until_;
 }
 
 inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept {
@@ -256,7 +314,9 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
             learn_ns_ = host_ns;
             learn_frames_ = 0;
         } else {
-            const double mean_ns = learn_frames_ > 0 ? double(host_ns_ - learn_ns_) / learn_frames_ : declared_ns_;
+            const double mean_ns = learn_frames_ > 0    ? double(host_ns_ - learn_ns_) / learn_frames_
+                                   : max_period_ns_ > 0 ? max_period_ns_
+                                                        : declared_ns_;
             if (silence_ns > advance * std::max(3 * mean_ns, kLate_ns)) is_unproved_ = true;
             if (!is_unproved_) learn_rate(advance, host_ns);  // a rate over a silence, or a backlog, is not the device's
             if (is_reopened_ && advance * mean_ns < silence_ns / 2) late = silence_ns + kLate_ns;  // nothing was discarded
@@ -265,19 +325,35 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         counted_ += std::max(advance, 1.0);
         late = bound_.late_ns(host_ns, std::uint64_t(counted_ * period_ns_));
         late_is_known = true;
-        if (advance == 0 && !is_unproved_) {  // the device has restarted, and shows it
-            bound_.restart();
+        if (advance == 0 || seems_restarted(frame, late_ns_ + silence_ns - advance * period_ns_)) {
+            // The device has restarted. A lag that there was is there still, and one may have begun in the silence.
+            must_reopen_ = must_reopen_ || is_unproved_ || silence_ns > kLate_ns + period_ns_;
+            if (!is_unproved_) bound_.restart();
             late = 0;
         }
     }
-    if (late_is_known) is_unproved_ = is_unproved_ ? late > kCaughtUp_ns : late > kLate_ns;
+    is_unproved_ = is_unproved_ || must_reopen_;
+    if (late_is_known && !is_unproved_ && late > kLate_ns) {
+        is_unproved_ = true;
+        max_late_ns_ = 0;
+        settle_until_ = 0;
+    }
+    if (late_is_known && is_unproved_ && !must_reopen_) is_unproved_ = !has_settled(late, host_ns);
+    if (late_is_known && bound_.is_too_fast()) {  // the counter is no clock any more: its rate must be measured anew
+        is_unproved_ = true;
+        late_is_known = false;
+        late = is_reopened_ ? silence_ns + kLate_ns : 0;
+        max_period_ns_ = period_ns_;
+        period_ns_ = 0;
+        learn_frames_ = 0;
+    }
     // The device had paused: its counter is behind as before, and the path held nothing that opening it again discarded. A
     // lag of which a part was discarded is judged by the rest of it.
     const bool had_paused = !late_is_known || late > late_ns_ - kLate_ns;
     if (is_unproved_ && had_paused && has_discarded(late)) {
         bound_.restart();
         late = 0;
-        is_unproved_ = false;
+        is_unproved_ = must_reopen_ = false;
         learn_ns_ = host_ns;
         learn_frames_ = 0;
     }

@@ -74,6 +74,7 @@ public:
     double retime = 0;           // > 0: a relay sends one frame after the other, at most this much faster than the device
     double copies_late_s = 0;    // > 0: each frame comes a second time, by a slower way
     double rate_factor = 1;      // the device is this much faster than at first
+    double clock_fast = 0;       // the device's clock is this much faster than at first
     double clock_jump_us = 0;    // added to the device's clock once
     double buffer_frames = 1e9;  // frames that a path can hold; it drops the newest ones
     Closed when_closed = Closed::discards;
@@ -148,7 +149,7 @@ private:
             next_temperature_s_ = now_s_ + 1800;
         }
         now_s_ += period_s;
-        device_us_ += period_s * 1e6 * (1 + (stream_.ppm + temperature_) * 1e-6) + clock_jump_us;
+        device_us_ += period_s * 1e6 * (1 + (stream_.ppm + temperature_) * 1e-6 + clock_fast) + clock_jump_us;
         clock_jump_us = 0;
         if (!pauses && uniform() >= drop)
             send();

@@ -1,0 +1,30 @@
+// Delays of a path and changes of a device, each as an episode that ends as it began.
+#pragma once
+#include <random>
+#include <vector>
+
+#include "freshness.hpp"
+
+namespace tactiled::faults {
+
+// Streams of which no receiver can see this, see drivers/wire/freshness.md.
+enum SeenBy { kByAll, kByClocks, kByCounters, kByAllButRelays, kByCountersAndPty, kByTcp, kByNone };
+
+struct Kind {
+    const char* name;
+    void (*episode)(FreshnessRun& run, std::mt19937_64& random);  // ends as it began
+    SeenBy seen = kByAll;
+    double may_last_s = 0;  // allowed seconds in 1000 h where it is seen
+    bool from_the_start = false;
+    double clock_period_s = 0;
+};
+
+inline double between(std::mt19937_64& random, double a, double b) { return a + (b - a) * double(random() >> 11) * 0x1p-53; }
+
+extern const std::vector<Kind> kKinds;
+
+// Episodes to which a test refers.
+void restart_of_the_device(FreshnessRun& run, std::mt19937_64& random);
+void pause_of_the_device(FreshnessRun& run, std::mt19937_64& random);
+
+}  // namespace tactiled::faults
