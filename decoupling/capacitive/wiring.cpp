@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "decoupling/capacitive/methods.hpp"
+#include "decoupling/temperature.hpp"
 
 namespace tactiled {
 
@@ -52,5 +53,12 @@ std::array<double, kElectrodes> active_at_rest(const CalibrationData& data, cons
     }
     return active;
 }
+
+namespace {
+
+// Silicone, handbook values of gap and permittivity together, relative to the capacitance.
+const TemperatureEffect effect{.name = "capacitive", .zero_per_K = 5e-4, .channel_unit = ""};
+
+}  // namespace
 
 }  // namespace tactiled
