@@ -60,7 +60,7 @@ class Hairs(threading.Thread):
 
     def __init__(self, path, number):
         super().__init__(daemon=True)
-        self.number, self.true_C, self.said_C, self.ended = number, 23.0, None, threading.Event()
+        self.number, self.true_C, self.said_C, self.still, self.ended = number, 23.0, None, {}, threading.Event()
         self.master, self.slave = os.openpty()
         tty.setraw(self.slave)
         os.set_blocking(self.master, False)
@@ -72,6 +72,8 @@ class Hairs(threading.Thread):
         while not self.ended.wait(0.005):
             sequence += 1
             hairs = [PER_K * (self.true_C - 23) + rng.gauss(0, 5e-6) for _ in range(4)]
+            for k, value in self.still.items():
+                hairs[k] = value
             said = f"{self.true_C + rng.gauss(0, 1e-3):.6f}" if self.said_C is None else str(self.said_C)
             try:
                 os.write(self.master, (f"{sequence}," + ",".join(f"{h:.9f}" for h in hairs) + f",{said},{self.number}\n").encode())
@@ -131,6 +133,13 @@ class TemperatureAndIdentity(unittest.TestCase):
         wait_for(lambda: self.latest().quality != tactiled.GOOD, 2, "a thermometer that stands still to be noticed")
         device.true_C = 24
         self.assertEqual(self.no_good_and_wrong_value(), 0)
+
+    def test_a_hair_that_stands_still_is_frozen_although_the_calibration_has_no_rows_at_rest(self):
+        self.devices["left"].still = {1: 1e-6}  # within the noise of the others
+        wait_for(lambda: self.latest().reasons & tactiled.FROZEN, 20, "the frozen hair")
+        self.assertNotEqual(self.latest().quality, tactiled.GOOD)
+        self.devices["left"].still = {}
+        self.wait_good()
 
     def test_sensors_that_are_exchanged_on_their_ports_have_no_value(self):
         left, right = self.devices["left"], self.devices["right"]
