@@ -34,11 +34,14 @@ public:
             if (i < calibration.full_scale.size()) full_scale_[c] = calibration.full_scale[i];
         }
         zero_per_K_ = temperature_.zero_per_K;
-        if (const TemperatureEffect* const effect = temperature_effect(calibration); effect != nullptr)
+        for (const double gain : temperature_.gain_per_K) gain_per_K_ = std::max(gain_per_K_, std::abs(gain));
+        if (const TemperatureEffect* const effect = temperature_effect(calibration); effect != nullptr) {
+            gain_per_K_ = effect->gain_per_K;
             for (const double zero : zero_)
                 zero_per_K_.push_back(effect->channel_unit.empty()                       ? effect->zero_per_K * zero
                                       : effect->channel_unit == calibration.channel_unit ? effect->zero_per_K
                                                                                          : kNaN);
+        }
     }
 
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept override {
@@ -79,6 +82,7 @@ private:
     // The part of the standard deviation: squares, 0 for a component that is not measured.
     struct Term {
         Wrench squared{};
+        double gain = 0;  // relative to the component
         bool is_known = true, is_large = false;
     };
 
@@ -92,7 +96,10 @@ private:
     }
 
     static void widen(const Term& term, Estimate& estimate) noexcept {
-        for (std::size_t c = 0; c < 6; ++c) estimate.sd[c] = std::sqrt(estimate.sd[c] * estimate.sd[c] + term.squared[c]);
+        for (std::size_t c = 0; c < 6; ++c) {
+            const double of_gain = term.gain * estimate.wrench_S[c];
+            estimate.sd[c] = std::sqrt(estimate.sd[c] * estimate.sd[c] + term.squared[c] + of_gain * of_gain);
+        }
         if (!term.is_known) {
             estimate.sd = kUnseen;
             estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
@@ -147,6 +154,7 @@ private:
     // channel. An effect of 0 K is known to be 0.
     [[nodiscard]] Term term(const Effect& per_K, double alike_K, double each_K) const noexcept {
         Term term;
+        term.gain = std::isfinite(alike_K) ? gain_per_K_ * alike_K : 0;
         const auto part = [](double effect, double kelvin) { return kelvin == 0 ? 0 : effect * kelvin; };
         for (std::size_t c = 0; c < 6; ++c) {
             if (!is_seen_[c]) continue;
@@ -165,9 +173,10 @@ private:
     bool is_fitted_;
     std::size_t n_;
     std::vector<double> zero_, middle_, zero_per_K_;
+    double gain_per_K_ = 0;
     std::array<bool, 6> is_seen_{};
     Wrench full_scale_{};
-    Term measured_{}, unmeasured_{.squared = {}, .is_known = !is_fitted_, .is_large = false};
+    Term measured_{}, unmeasured_{.squared = {}, .gain = 0, .is_known = !is_fitted_, .is_large = false};
     double lowest_C_ = is_fitted_ ? temperature_.range_C[0] - kMargin_K : -std::numeric_limits<double>::infinity();
     double highest_C_ = is_fitted_ ? temperature_.range_C[1] + kMargin_K : std::numeric_limits<double>::infinity();
 };

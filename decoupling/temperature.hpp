@@ -21,11 +21,12 @@ namespace tactiled {
 
 inline constexpr double kRoom_K = 10;  // a room by day and by night
 
-// The zeros of a model's channels follow temperature by a coefficient that is known for its material.
+// Zeros and gains of a model's channels follow temperature by coefficients that are known for its material.
 struct TemperatureEffect {
     std::string_view name;          // the model
     double zero_per_K = 0;          // in `channel_unit`, or relative to the zero
     std::string_view channel_unit;  // "" = relative to the zero of the channel, in any unit
+    double gain_per_K = 0;          // magnitude, relative to the gain
     Registry<TemperatureEffect> in_list{this};
 };
 

@@ -56,8 +56,9 @@ std::array<double, kElectrodes> active_at_rest(const CalibrationData& data, cons
 
 namespace {
 
-// Silicone, handbook values of gap and permittivity together, relative to the capacitance.
-const TemperatureEffect effect{.name = "capacitive", .zero_per_K = 5e-4, .channel_unit = ""};
+// Silicone, handbook values of gap and permittivity together, relative to the capacitance. The modulus of rubber
+// follows the absolute temperature.
+const TemperatureEffect effect{.name = "capacitive", .zero_per_K = 5e-4, .channel_unit = "", .gain_per_K = 3.4e-3};
 
 }  // namespace
 

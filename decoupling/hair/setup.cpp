@@ -64,8 +64,9 @@ std::string read_noise(const CalibrationData& data, HairSetup& setup) {
 
 namespace {
 
-// Platinum film, handbook value: 1 K on all hairs reads as a press of 8 kPa.
-const TemperatureEffect effect{.name = "hair", .zero_per_K = 3e-3, .channel_unit = "dR/R0"};
+// Platinum film, handbook value: 1 K on all hairs reads as a press of 8 kPa. The modulus of rubber follows the absolute
+// temperature.
+const TemperatureEffect effect{.name = "hair", .zero_per_K = 3e-3, .channel_unit = "dR/R0", .gain_per_K = 3.4e-3};
 
 }  // namespace
 

@@ -73,7 +73,8 @@ std::optional<GaugeSolver> solver_of_signs(const CalibrationData& data, std::str
 namespace {
 
 // Handbook values: 1e-4 /K of Ni-Cr, and a gauge factor of 2 times 32 ppm/K by which SU-8 expands more than polyimide.
-const TemperatureEffect effect{.name = "table", .zero_per_K = 1.64e-4, .channel_unit = "dR/R0"};
+// The modulus of polyimide.
+const TemperatureEffect effect{.name = "table", .zero_per_K = 1.64e-4, .channel_unit = "dR/R0", .gain_per_K = 5e-4};
 
 }  // namespace
 

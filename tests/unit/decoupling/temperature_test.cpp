@@ -167,6 +167,18 @@ TEST(KnownTemperatureEffect, ARoomIsInTheStandardDeviationOfGaugesAndPads) {
     EXPECT_GT(warm_pad.sd[2], 0.05);
 }
 
+TEST(KnownTemperatureEffect, ASofterSkinIsInTheStandardDeviationOfALoad) {
+    const Calibration table = of_documents("table");
+    const auto gauges = make_decoupler(table);
+    gauges->set_temperature({15, 35, 0});
+    std::vector<double> channel = table.zero;
+    for (std::size_t k = 0; k < channel.size(); ++k)  // a press pulls R1 R3 R5 R7
+        channel[k] += (table.channels[k].back() - '0') % 2 == 1 ? 19.366e-3 : 0;
+    const Estimate press = gauges->decouple({.channel = channel}), rest = at_rest(*gauges, table, 0, {});
+    ASSERT_NEAR(press.wrench_S[2], -1, 0.1);
+    EXPECT_NEAR(std::sqrt(press.sd[2] * press.sd[2] - rest.sd[2] * rest.sd[2]), 20 * 5e-4 * -press.wrench_S[2], 1e-3);
+}
+
 TEST(KnownTemperatureEffect, IsUnknownInAnotherUnitUnlessTheTemperatureIsConstant) {
     Calibration calibration = of_documents("table");
     calibration.channel_unit = "counts";
