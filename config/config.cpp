@@ -169,6 +169,7 @@ Config load_config(const std::string& path, Problems& problems) {
     bind_links(config.links, config.sensors);
     check_shared_frames(config.sensors);
     pair_sensors(config.sensors);
+    find_thermometers(config.sensors);
     config.grasp = read_grasp(root, config.node.name, config.sensors, folder);
     if (config.grasp) config.modbus.objects = config.grasp->objects;
     config.tool = read_tool(root, config.sensors, config.grasp);

@@ -57,13 +57,19 @@ struct SensorSettings {
     // lowest and highest raw number; a channel at or beyond one of them counts as saturated
     std::array<double, 2> saturates_at;
     std::string model;
-    std::string expect_serial;  // serial that the calibration must have; "" = any
-    std::string calibration;    // path, as given or beside the configuration file
-    std::string method;         // "" = the calibration's own; "auto"
-    double budget_us;           // time budget of a sample with method "auto"
+    std::string expect_serial;   // serial that the calibration must have; "" = any
+    std::string serial_channel;  // name of the frame's channel that is the number of the device, "" = none
+    std::string calibration;     // path, as given or beside the configuration file
+    std::string method;          // "" = the calibration's own; "auto"
+    double budget_us;            // time budget of a sample with method "auto"
     int stale_ms;
-    int frozen_after;                           // number of readings; -1: by the calibration or the driver
-    std::string temperature;                    // name of the frame's channel, "" = none
+    int frozen_after;              // number of readings; -1: by the calibration or the driver
+    std::string temperature;       // name of the frame's channel, "" = none
+    std::string temperature_of;    // name of another sensor that has the same temperature, "" = none
+    int thermometer = -1;          // its index, -1: none
+    int temperature_frozen_after;  // number of readings; -1: by the driver
+    double temperature_jump_K;
+    double temperature_difference_K;            // NaN = not declared
     std::array<double, 2> temperature_range_C;  // lowest and highest; NaN = not declared
     double delay_ms;                            // -1: by the driver
     double slew_limit_per_s;                    // raw numbers per second; infinity = none

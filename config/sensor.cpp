@@ -49,12 +49,27 @@ const Fields<SensorSettings>& sensor_fields() {
          "raw numbers", Reload::tune, "A channel at or beyond one of the two, [lowest, highest], is saturated."},
         {TACTILED_KEY(S, temperature), "", Text::any, Reload::epoch,
          "The name in `channels` that is the sensor's temperature in degC; \"\" = the link delivers none."},
-        {TACTILED_KEY(S, temperature_range_C), Default(kNoRange, "not declared"), range(-273.15, 1000), "degC",
-         Reload::epoch,
-         "[lowest, highest] in use. The standard deviation contains what it can change where the calibration knows the "
-         "temperature coefficient and the link delivers no temperature."},
+        {TACTILED_KEY(S, temperature_of), "", Text::any, Reload::epoch,
+         "Another [[sensor]] that has a `temperature`, where both are of the same temperature; \"\" = none."},
+        {TACTILED_KEY(S, temperature_range_C), Default(kNoRange, "10 K wide for hairs, gauges and pads; else not declared"),
+         range(-273.15, 1000), "degC", Reload::epoch,
+         "[lowest, highest] in use. The standard deviation contains what the range can change where the coefficient is "
+         "known, by the calibration or by the model, and the calibration cannot take the temperature off. Equal numbers = "
+         "constant, or compensated by the electronics. A measured temperature outside of the range is UNCERTAIN."},
+        {TACTILED_KEY(S, temperature_difference_K), Default(kUnset, "0.5, at most the width of temperature_range_C"),
+         range(0, 100), "K", Reload::epoch,
+         "Largest difference of temperature between two channels, or between a channel and the thermometer. The standard "
+         "deviation contains what it can change."},
+        {TACTILED_KEY(S, temperature_frozen_after),
+         Default(-1, "0, but 100 if the driver knows that noise moves every number"), range(0, 1'000'000), "readings",
+         Reload::tune, "A temperature that repeats one number this often (2 or more) is not used; 0 = it may repeat."},
+        {TACTILED_KEY(S, temperature_jump_K), 1, range(0.01, 1000), "K", Reload::tune,
+         "A temperature that moves farther than this, beyond 0.1 K/s, is not used until it returns, or until a tare."},
         {TACTILED_KEY(S, expect_serial), "", Text::any, Reload::epoch,
          "Serial of the sensor that is mounted here; a calibration of another one is refused. \"\" = any."},
+        {TACTILED_KEY(S, serial_channel), "", Text::any, Reload::epoch,
+         "The name in `channels` that is the number of the device. A frame with another number than the serial of the "
+         "calibration is BAD, wrong device. \"\" = the device does not report a number."},
         {TACTILED_KEY(S, model), kRequired, Text::any, Reload::restart,
          "Model of the sensor, as in the calibration; decoupling/README.md lists them."},
         {TACTILED_KEY(S, calibration), kRequired, Text::any, Reload::epoch,
@@ -68,8 +83,8 @@ const Fields<SensorSettings>& sensor_fields() {
          "Without a frame for longer, the force is BAD."},
         {TACTILED_KEY(S, frozen_after),
          Default(-1,
-                 "10 times the longest run in the calibration and at least 100; without rows at rest 100 where the "
-                 "driver knows that noise moves every number, else 0"),
+                 "10 times the longest run in the calibration and at least 100, never for a channel that stood still in it; "
+                 "without rows at rest 100, and 10 s where the driver does not know that noise moves every number"),
          range(0, 1'000'000), "readings", Reload::tune,
          "A channel that repeats one number this often (2 or more) is dead and has no value; 0 = a channel may repeat. A "
          "quiet sensor of few bits, or one that is asked more often than it measures, repeats itself rightly: set many "
@@ -127,11 +142,26 @@ SensorSettings read_sensor(Options table, const std::string& folder) {
     check_channels(table, s.channels);
     if (const auto [lowest, highest] = s.saturates_at; !(lowest < highest))
         table.problem("saturates_at", fmt::format("saturates_at = [{}, {}] should be [lowest, highest]", lowest, highest));
-    if (const auto [lowest, highest] = s.temperature_range_C; !std::isnan(lowest) && !(lowest < highest))
+    if (const auto [lowest, highest] = s.temperature_range_C; !std::isnan(lowest) && !(lowest <= highest))
         table.problem("temperature_range_C",
                       fmt::format("temperature_range_C = [{}, {}] should be [lowest, highest]", lowest, highest));
-    if (!s.temperature.empty() && std::find(s.channels.begin(), s.channels.end(), s.temperature) == s.channels.end())
-        table.problem("temperature", fmt::format("temperature = {} is no name in channels", in_quotes(s.temperature)));
+    if (const auto [lowest, highest] = s.temperature_range_C; s.temperature_difference_K > highest - lowest)
+        table.problem("temperature_difference_K",
+                      fmt::format("temperature_difference_K = {} is more than the width of temperature_range_C, {} K",
+                                  s.temperature_difference_K, highest - lowest));
+    if (std::isnan(s.temperature_difference_K))
+        s.temperature_difference_K = std::fmin(0.5, s.temperature_range_C[1] - s.temperature_range_C[0]);
+    if (s.temperature_frozen_after == 1)
+        table.problem("temperature_frozen_after",
+                      "temperature_frozen_after = 1 is no number of equal readings; 0 = off, else 2 or more");
+    const auto check_name = [&](const char* key, const std::string& name) {
+        if (!name.empty() && std::find(s.channels.begin(), s.channels.end(), name) == s.channels.end())
+            table.problem(key, fmt::format("{} = {} is no name in channels", key, in_quotes(name)));
+    };
+    check_name("temperature", s.temperature);
+    check_name("serial_channel", s.serial_channel);
+    if (!s.temperature.empty() && !s.temperature_of.empty())
+        table.problem("temperature_of", "temperature and temperature_of are both declared: one of them");
     if (s.frozen_after == 1)
         table.problem("frozen_after", "frozen_after = 1 is no number of equal readings; 0 = off, else 2 or more");
     if (s.agrees_with.empty() && s.agree_N != 0)
@@ -172,6 +202,24 @@ void pair_sensors(std::vector<SensorSettings>& sensors) {
             one.pair.other = int(at - names.begin());
             other.pair = {int(i), one.pair.agree_N, one.pair.agree_ms};
         }
+    }
+}
+
+void find_thermometers(std::vector<SensorSettings>& sensors) {
+    std::vector<std::string> names;
+    for (const auto& sensor : sensors)
+        if (!sensor.temperature.empty()) names.push_back(sensor.name);
+    for (SensorSettings& one : sensors) {
+        if (one.temperature_of.empty()) continue;
+        const auto at = std::find_if(sensors.begin(), sensors.end(), [&](const SensorSettings& other) {
+            return other.name == one.temperature_of && !other.temperature.empty();
+        });
+        one.thermometer = at == sensors.end() ? -1 : int(at - sensors.begin());
+        if (at != sensors.end()) continue;
+        const auto near = nearest_name(one.temperature_of, names);
+        one.options.problem("temperature_of", fmt::format("temperature_of = {} is no [[sensor]] with a `temperature`{}",
+                                                          in_quotes(one.temperature_of),
+                                                          near ? fmt::format("; did you mean \"{}\"?", *near) : ""));
     }
 }
 

@@ -28,6 +28,8 @@ const Fields<GpioSettings>& gpio_fields();
 SensorSettings read_sensor(Options table, const std::string& folder);
 // Pairs sensors that are compared, whichever of them names the other. setup: never throws for bad input
 void pair_sensors(std::vector<SensorSettings>& sensors);
+// Fills in the index of the sensor that `temperature_of` names.
+void find_thermometers(std::vector<SensorSettings>& sensors);
 // Checks sensors that read the same frame: each has its own channels. setup: never throws for bad input
 void check_shared_frames(std::vector<SensorSettings>& sensors);
 

@@ -47,8 +47,8 @@ public:
     // Reports that the last decouple(), of a reading at `t_ns`, took `ns`. The next one may use another method. rt:
     // wait-free
     void took(std::uint64_t ns, std::uint64_t t_ns) noexcept;
-    void set_temperature_range(double width_K) noexcept override {
-        for (FrontMethod& each : front_) each.decoupler->set_temperature_range(width_K);
+    void set_temperature(const TemperatureInUse& in_use) noexcept override {
+        for (FrontMethod& each : front_) each.decoupler->set_temperature(in_use);
     }
     void set_delay(double delay_s) noexcept override {
         for (FrontMethod& each : front_) each.decoupler->set_delay(delay_s);

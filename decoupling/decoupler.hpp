@@ -32,6 +32,12 @@ struct Reading {
 using Wrench = std::array<double, 6>;
 inline constexpr Wrench kUnseen{kNaN, kNaN, kNaN, kNaN, kNaN, kNaN};
 
+// The temperature of a sensor in use, as declared by the user.
+struct TemperatureInUse {
+    double lowest_C = kNaN, highest_C = kNaN;  // range of the sensor's temperature; NaN = not declared
+    double difference_K = 0;  // largest difference between two channels, or between a channel and the thermometer
+};
+
 struct Estimate {
     Wrench wrench_S = kUnseen;
     Wrench sd = kUnseen;  // one standard deviation
@@ -55,8 +61,8 @@ public:
 
     // The known delay of the measuring chain: the channels of a reading may be of instants so far apart. setup
     virtual void set_delay(double /*delay_s*/) noexcept {}
-    // The temperature of the sensor may lie within a range of this width; 0 = not declared. setup
-    virtual void set_temperature_range(double /*width_K*/) noexcept {}
+    // From then on the standard deviation contains what temperature can change (temperature.hpp). setup
+    virtual void set_temperature(const TemperatureInUse& /*in_use*/) noexcept {}
 
     [[nodiscard]] virtual std::string_view method() const noexcept = 0;
 };

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
+#include <vector>
 
 #include "config/names.hpp"
 #include "decoupling/solve/domain.hpp"
@@ -12,29 +14,46 @@
 namespace tactiled {
 namespace {
 
-constexpr double kMargin_K = 0.5;  // beyond the range that the calibration covered
+constexpr double kMargin_K = 0.5;  // beyond the range that the calibration covered, or that is declared
 constexpr double kLarge = 0.1;     // share of full scale from which on the term makes a value UNCERTAIN
+constexpr double kStep_K = 1;      // width of the differences that give the effect of a kelvin
 
-class AtReference final : public Decoupler {
+class WithTemperature final : public Decoupler {
 public:
-    AtReference(const Calibration& calibration, std::unique_ptr<Decoupler> inner)
-        : inner_(std::move(inner)), temperature_(calibration.temperature), n_(calibration.channels.size()) {
+    WithTemperature(const Calibration& calibration, std::unique_ptr<Decoupler> inner)
+        : inner_(std::move(inner)),
+          temperature_(calibration.temperature),
+          is_fitted_(!calibration.temperature.zero_per_K.empty()),
+          n_(calibration.channels.size()),
+          zero_(is_fitted_ ? temperature_.zero : calibration.zero),
+          middle_(calibration.joint_domain.mean) {
         full_scale_.fill(kNaN);
-        for (std::size_t i = 0; i < calibration.full_scale.size(); ++i)
-            full_scale_[component_index(calibration.components[i])] = calibration.full_scale[i];
+        for (std::size_t i = 0; i < calibration.components.size(); ++i) {
+            const std::size_t c = component_index(calibration.components[i]);
+            is_seen_[c] = true;
+            if (i < calibration.full_scale.size()) full_scale_[c] = calibration.full_scale[i];
+        }
+        zero_per_K_ = temperature_.zero_per_K;
+        for (const double gain : temperature_.gain_per_K) gain_per_K_ = std::max(gain_per_K_, std::abs(gain));
+        if (const TemperatureEffect* const effect = temperature_effect(calibration); effect != nullptr) {
+            gain_per_K_ = effect->gain_per_K;
+            for (const double zero : zero_)
+                zero_per_K_.push_back(effect->channel_unit.empty()                       ? effect->zero_per_K * zero
+                                      : effect->channel_unit == calibration.channel_unit ? effect->zero_per_K
+                                                                                         : kNaN);
+        }
     }
 
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept override {
-        const double t_C = reading.temperature_C;
         if (reading.channel.size() != n_) return inner_->decouple(reading);
-        if (!std::isfinite(t_C)) return without_temperature(reading);
-        double channel[kMaxChannels];
-        for (std::size_t k = 0; k < n_; ++k) channel[k] = at_reference(temperature_, k, reading.channel[k], t_C);
-        Reading used = reading;
-        used.channel = {channel, n_};
-        Estimate estimate = inner_->decouple(used);
-        const bool covered = t_C >= temperature_.range_C[0] - kMargin_K && t_C <= temperature_.range_C[1] + kMargin_K;
-        if (!covered && estimate.quality != TACTILED_BAD) {
+        const double t_C = reading.temperature_C;
+        const bool is_known = is_fitted_ && std::isfinite(t_C);
+        Estimate estimate = is_known ? at_reference_temperature(reading) : inner_->decouple(reading);
+        if (estimate.quality == TACTILED_BAD) return estimate;
+        widen(is_known ? measured_ : unmeasured_, estimate);
+        // Neither is true of a NaN.
+        const bool is_beyond = t_C < lowest_C_ || t_C > highest_C_;
+        if (is_beyond) {
             estimate.quality = TACTILED_UNCERTAIN;
             estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
         }
@@ -42,45 +61,124 @@ public:
     }
     void forget() noexcept override { inner_->forget(); }
     void set_delay(double delay_s) noexcept override { inner_->set_delay(delay_s); }
-    void set_temperature_range(double width_K) noexcept override {
-        width_K_ = width_K;
-        // The change of the force with the zeros, from a reading at no load. It is asked a kelvin to either side.
-        double above[kMaxChannels], below[kMaxChannels];
-        for (std::size_t k = 0; k < n_; ++k) {
-            above[k] = temperature_.zero[k] + temperature_.zero_per_K[k] * kMargin_K;
-            below[k] = temperature_.zero[k] - temperature_.zero_per_K[k] * kMargin_K;
+    void set_temperature(const TemperatureInUse& in_use) noexcept override {
+        const double declared_K = in_use.highest_C - in_use.lowest_C;  // NaN: not declared
+        const double width_K = std::isfinite(declared_K) || is_fitted_ ? declared_K : kRoom_K;
+        const Effect per_K = effect_of_a_kelvin(std::isfinite(width_K) ? width_K : kStep_K);
+        measured_ = term(per_K, in_use.difference_K, in_use.difference_K);
+        unmeasured_ = term(per_K, width_K, in_use.difference_K);
+        if (std::isfinite(declared_K)) {
+            lowest_C_ = std::max(lowest_C_, in_use.lowest_C - kMargin_K);
+            highest_C_ = std::min(highest_C_, in_use.highest_C + kMargin_K);
         }
-        const Estimate a = inner_->decouple({.channel = {above, n_}}), b = inner_->decouple({.channel = {below, n_}});
-        inner_->forget();
-        for (std::size_t c = 0; c < 6; ++c) per_K_[c] = (a.wrench_S[c] - b.wrench_S[c]) / (2 * kMargin_K);
     }
     [[nodiscard]] std::string_view method() const noexcept override { return inner_->method(); }
 
 private:
-    [[nodiscard]] Estimate without_temperature(const Reading& reading) noexcept {
-        Estimate estimate = inner_->decouple(reading);
-        if (estimate.quality == TACTILED_BAD) return estimate;
-        bool is_large = false, is_known = width_K_ > 0;
+    // Change of the wrench by a kelvin: on all channels alike, and on each by itself (root of the sum of squares).
+    struct Effect {
+        Wrench alike{}, each{};
+    };
+    // The part of the standard deviation: squares, 0 for a component that is not measured.
+    struct Term {
+        Wrench squared{};
+        double gain = 0;  // relative to the component
+        bool is_known = true, is_large = false;
+    };
+
+    [[nodiscard]] Estimate at_reference_temperature(const Reading& reading) noexcept {
+        double channel[kMaxChannels];
+        for (std::size_t k = 0; k < n_; ++k)
+            channel[k] = at_reference(temperature_, k, reading.channel[k], reading.temperature_C);
+        Reading used = reading;
+        used.channel = {channel, n_};
+        return inner_->decouple(used);
+    }
+
+    static void widen(const Term& term, Estimate& estimate) noexcept {
         for (std::size_t c = 0; c < 6; ++c) {
-            const double drift = std::abs(per_K_[c]) * width_K_;
-            is_known = is_known && (std::isfinite(drift) || std::isnan(estimate.wrench_S[c]));
-            is_large = is_large || drift > kLarge * full_scale_[c];
-            estimate.sd[c] = std::hypot(estimate.sd[c], drift);
+            const double of_gain = term.gain * estimate.wrench_S[c];
+            estimate.sd[c] = std::sqrt(estimate.sd[c] * estimate.sd[c] + term.squared[c] + of_gain * of_gain);
         }
-        if (!is_known) {
+        if (!term.is_known) {
             estimate.sd = kUnseen;
             estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
         }
-        if (is_large) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
-        if (is_large || !is_known) estimate.quality = TACTILED_UNCERTAIN;
-        return estimate;
+        if (term.is_large) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+        if (term.is_large || !term.is_known) estimate.quality = TACTILED_UNCERTAIN;
     }
+
+    // Change of the wrench from half of `step_K` below to half of it above the reading `at`, per kelvin; of all channels, or
+    // of channel `only`.
+    [[nodiscard]] Wrench change(const std::vector<double>& at, double step_K, std::size_t only) noexcept {
+        double above[kMaxChannels], below[kMaxChannels];
+        for (std::size_t k = 0; k < n_; ++k) {
+            const double half = only == kAll || only == k ? zero_per_K_[k] * step_K / 2 : 0;
+            above[k] = at[k] + half;
+            below[k] = at[k] - half;
+        }
+        const Estimate a = inner_->decouple({.channel = {above, n_}});
+        inner_->forget();
+        const Estimate b = inner_->decouple({.channel = {below, n_}});
+        inner_->forget();
+        Wrench per_K;
+        for (std::size_t c = 0; c < 6; ++c) per_K[c] = (a.wrench_S[c] - b.wrench_S[c]) / step_K;
+        return per_K;
+    }
+
+    // The largest of several: at no load and at the middle of the calibration's rows, over a kelvin and over the range,
+    // because a method need not be linear. A place where the method has no value does not count; NaN if it has none at all.
+    [[nodiscard]] Effect effect_of_a_kelvin(double width_K) noexcept {
+        Effect largest{kUnseen, kUnseen};
+        const auto take = [](Wrench& most, const Wrench& one) {
+            for (std::size_t c = 0; c < 6; ++c)
+                if (!(std::abs(one[c]) <= most[c])) most[c] = std::isnan(one[c]) ? most[c] : std::abs(one[c]);
+        };
+        for (const std::vector<double>* at : {&zero_, &middle_}) {
+            if (at->size() != n_) continue;
+            for (const double step_K : {kStep_K, std::max(kStep_K, width_K)}) {
+                take(largest.alike, change(*at, step_K, kAll));
+                Wrench squares{};
+                for (std::size_t k = 0; k < n_; ++k) {
+                    const Wrench one = change(*at, step_K, k);
+                    for (std::size_t c = 0; c < 6; ++c) squares[c] += one[c] * one[c];
+                }
+                for (double& square : squares) square = std::sqrt(square);
+                take(largest.each, squares);
+            }
+        }
+        return largest;
+    }
+
+    // The term where the temperature of all channels is unknown within `alike_K`, and differs by `each_K` from channel to
+    // channel. An effect of 0 K is known to be 0.
+    [[nodiscard]] Term term(const Effect& per_K, double alike_K, double each_K) const noexcept {
+        Term term;
+        term.gain = std::isfinite(alike_K) ? gain_per_K_ * alike_K : 0;
+        const auto part = [](double effect, double kelvin) { return kelvin == 0 ? 0 : effect * kelvin; };
+        for (std::size_t c = 0; c < 6; ++c) {
+            if (!is_seen_[c]) continue;
+            const double change = std::hypot(part(per_K.alike[c], alike_K), part(per_K.each[c], each_K));
+            term.is_known = term.is_known && std::isfinite(change);
+            term.is_large = term.is_large || change > kLarge * full_scale_[c];
+            term.squared[c] = change * change;
+        }
+        return term;
+    }
+
+    static constexpr std::size_t kAll = kMaxChannels;
 
     std::unique_ptr<Decoupler> inner_;
     Temperature temperature_;
+    bool is_fitted_;
     std::size_t n_;
-    Wrench full_scale_{}, per_K_ = kUnseen;
-    double width_K_ = 0;
+    std::vector<double> zero_, middle_, zero_per_K_;
+    double gain_per_K_ = 0;
+    std::array<bool, 6> is_seen_{};
+    Wrench full_scale_{};
+    Term measured_{}, unmeasured_{.squared = {}, .gain = 0, .is_known = !is_fitted_, .is_large = false};
+    double lowest_C_ = is_fitted_ ? temperature_.range_C[0] - kMargin_K : -std::numeric_limits<double>::infinity();
+    double highest_C_ = is_fitted_ ? temperature_.range_C[1] + kMargin_K : std::numeric_limits<double>::infinity();
 };
 
 }  // namespace
@@ -90,9 +188,14 @@ double at_reference(const Temperature& temperature, std::size_t k, double readin
     return zero + (reading - zero - temperature.zero_per_K[k] * from_K) / (1 + temperature.gain_per_K[k] * from_K);
 }
 
+const TemperatureEffect* temperature_effect(const Calibration& calibration) noexcept {
+    return calibration.temperature.zero_per_K.empty() ? Registry<TemperatureEffect>::find(calibration.model) : nullptr;
+}
+
 std::unique_ptr<Decoupler> with_temperature(const Calibration& calibration, std::unique_ptr<Decoupler> inner) {
-    if (inner == nullptr || calibration.temperature.zero_per_K.empty()) return inner;
-    return std::make_unique<AtReference>(calibration, std::move(inner));
+    const bool is_fitted = !calibration.temperature.zero_per_K.empty();
+    if (inner == nullptr || (!is_fitted && temperature_effect(calibration) == nullptr)) return inner;
+    return std::make_unique<WithTemperature>(calibration, std::move(inner));
 }
 
 std::string fault_of_temperature(const Calibration& calibration) {

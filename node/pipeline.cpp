@@ -54,6 +54,8 @@ void Pipeline::deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noe
         bound = true;
         Sensor& sensor = sensors_[binding.sensor];
         const bool had_data = sensor.is_delivering();
+        if (const int other = sensor.temperature_of_sensor(); other >= 0)
+            sensor.take_temperature(sensors_[std::size_t(other)].last());
         tactiled_sample sample = sensor.sample(frame, now_ns);
         if (had_data && !sensor.is_delivering()) record_.latch_lost_sensor(true);
         if (const int other = sensor.agrees_with(); other >= 0) sample = sensor.compare(sensors_[std::size_t(other)].last());

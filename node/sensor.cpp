@@ -89,8 +89,17 @@ inline tactiled_sample Sensor::next_sample(std::uint64_t t_ns, std::uint64_t now
     return s;
 }
 
+// A frame without its device's number may be of any device.
+bool Sensor::is_of_another_device(const Frame& frame) const noexcept {
+    if (frame.n_channels != setup_.frame_channels) return true;
+    if (setup_.serial_of_frame < 0) return false;
+    const auto i = std::size_t(setup_.serial_of_frame);
+    return (frame.missing >> i & 1u) != 0 || frame.channel[i] != setup_.serial;
+}
+
 Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
-    if (frame.n_channels != setup_.frame_channels) {
+    if (is_of_another_device(frame)) {
+        if (setup_.decoupler != nullptr) setup_.decoupler->forget();
         Estimate wrong;
         wrong.reasons = TACTILED_WRONG_DEVICE;
         return wrong;
@@ -102,11 +111,8 @@ Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
     std::uint32_t dead = 0;
     const std::uint32_t of_stream = stream_.judge({raw.data(), n}, all & ~(reading.missing | reading.saturated), dead);
     const bool is_complete = reading.missing == 0;
-    if (setup_.temperature_of_frame >= 0) {
-        const auto i = std::size_t(setup_.temperature_of_frame);
-        if ((frame.missing >> i & 1u) == 0 && std::isfinite(frame.channel[i])) reading.temperature_C = frame.channel[i];
-        s.temperature_C = float(reading.temperature_C);
-    }
+    reading.temperature_C = temperature_C(frame);
+    s.temperature_C = float(reading.temperature_C);
     for (std::size_t k = 0; dead != 0 && k < n; ++k)
         if ((dead >> k & 1u) != 0) channel_[k] = kNaN;
     reading.missing |= dead & all;
@@ -140,6 +146,17 @@ inline Reading Sensor::read(const Frame& frame, std::array<double, kMaxChannels>
     reading.channel = {channel_.data(), n};
     reading.t_ns = frame.t_ns;
     return reading;
+}
+
+// Returns NaN where it is unknown.
+inline double Sensor::temperature_C(const Frame& frame) noexcept {
+    double t_C = others_temperature_C_;
+    if (setup_.temperature_of_sensor < 0) {
+        if (setup_.temperature_of_frame < 0) return kNaN;
+        const auto i = std::size_t(setup_.temperature_of_frame);
+        t_C = ((frame.missing | frame.saturated) >> i & 1u) == 0 ? frame.channel[i] : kNaN;
+    }
+    return thermometer_.judge(t_C, frame.t_ns);
 }
 
 // ---- method "auto" -----------------------------------------------------------------------------------------------------
@@ -304,6 +321,8 @@ void Sensor::retune(const Sensor& other) noexcept {
     setup_.delay_s = other.setup_.delay_s;
     if (setup_.decoupler != nullptr) setup_.decoupler->set_delay(setup_.delay_s);
     setup_.accept_unproved_age = other.setup_.accept_unproved_age;
+    setup_.thermometer = other.setup_.thermometer;
+    thermometer_.judge_by(setup_.thermometer);
     stream_.judge_by(other.setup_.stream);
     drift_.judge_by(other.setup_.drift_N);
     agreement_.judge_by(other.setup_.agreement);
@@ -316,6 +335,9 @@ void Sensor::succeed(const Sensor& before) noexcept {
     daemon_epoch_ = before.daemon_epoch_;
     stream_.succeed(before.stream_, setup_.channel_of_frame == before.setup_.channel_of_frame);
     agreement_.succeed(before.agreement_);
+    if (setup_.temperature_of_frame == before.setup_.temperature_of_frame &&
+        setup_.temperature_of_sensor == before.setup_.temperature_of_sensor)
+        thermometer_.succeed(before.thermometer_);
     if (before.zero_.tare_count() != 0 || before.zero_.is_lost()) zero_.lose();
     set(before.requested_);
 }

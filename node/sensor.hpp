@@ -15,6 +15,7 @@
 #include "node/agreement.hpp"
 #include "node/low_pass.hpp"
 #include "node/quality.hpp"
+#include "node/thermometer.hpp"
 #include "node/zero.hpp"
 #include "tactiled/layout.h"
 
@@ -46,8 +47,12 @@ public:
         // a stored zero with another id does not belong to this sensor (zero_store.hpp)
         std::uint32_t zero_id = 0;
         int temperature_of_frame = -1;   // the channel of a frame that is its temperature in degC; -1: none
-        double temperature_width_K = 0;  // width of the range that is declared for its temperature; 0 = none
-        double delay_s = 0;  // known delay of converter and transmission: part of the standard deviation (latency.hpp)
+        int temperature_of_sensor = -1;  // the sensor whose temperature is that of this one, too; -1: none
+        TemperatureInUse temperature;
+        Thermometer::Limits thermometer;
+        int serial_of_frame = -1;  // the channel of a frame that is the number of the device; -1: none
+        double serial = 0;         // the number of the device that the calibration is of
+        double delay_s = 0;        // known delay of converter and transmission: part of the standard deviation (latency.hpp)
         Agreement::Limits agreement;
         SensorSettable settable;
         std::unique_ptr<Decoupler> decoupler;
@@ -62,8 +67,9 @@ public:
           zero_(tare_limits(setup_)) {
         if (setup_.decoupler != nullptr) {
             setup_.decoupler->set_delay(setup_.delay_s);
-            setup_.decoupler->set_temperature_range(setup_.temperature_width_K);
+            setup_.decoupler->set_temperature(setup_.temperature);
         }
+        thermometer_.judge_by(setup_.thermometer);
         set(SensorSettable::as_configured());
         if (setup_.automatic != nullptr) method_ = setup_.automatic->choice().now();
     }
@@ -75,6 +81,13 @@ public:
     // other methods also run one of these without a past, and so does the first sample after a step. rt: bounded by
     // the model's decouple()
     [[nodiscard]] tactiled_sample sample(const Frame& frame, std::uint64_t now_ns) noexcept;
+
+    // The sensor whose temperature this one takes, -1: none. Report its last sample before each sample of this one.
+    // rt: wait-free
+    [[nodiscard]] int temperature_of_sensor() const noexcept { return setup_.temperature_of_sensor; }
+    void take_temperature(const tactiled_sample& of_other) noexcept {
+        others_temperature_C_ = double(of_other.temperature_C);
+    }
 
     // The sensor that this one is compared with, -1: none.
     [[nodiscard]] int agrees_with() const noexcept { return agreement_.other(); }
@@ -101,7 +114,10 @@ public:
         return is_delivering() && Zero::can_be_zero(last_) && zero_.tare() == Tare::none;
     }
     // Begins to average a new zero; can_tare() must be true. rt: wait-free
-    void begin_tare(std::uint64_t now_ns) noexcept { zero_.begin_tare(now_ns); }
+    void begin_tare(std::uint64_t now_ns) noexcept {
+        zero_.begin_tare(now_ns);
+        thermometer_.begin_tare();
+    }
     // Returns to the calibration's zero with the next sample, or at once if no sample arrives. rt: wait-free
     void begin_untare() noexcept {
         zero_.begin_removal(is_delivering());
@@ -109,7 +125,12 @@ public:
     }
     using Tare = tactiled::Tare;
     // Returns the state of the tare; a tare that has ended is reported once. rt: wait-free
-    [[nodiscard]] Tare poll_tare(std::uint64_t now_ns) noexcept { return zero_.poll(is_delivering(), now_ns); }
+    [[nodiscard]] Tare poll_tare(std::uint64_t now_ns) noexcept {
+        const bool was_running = zero_.tare() != Tare::none && zero_.tare() != Tare::removing;
+        const Tare tare = zero_.poll(is_delivering(), now_ns);
+        if (was_running && tare != Tare::running && tare != Tare::done) thermometer_.fail_tare();
+        return tare;
+    }
 
     // Changes the settings from the next sample on. rt: wait-free
     void set(const SensorSettable& settable) noexcept;
@@ -146,6 +167,8 @@ private:
     [[nodiscard]] inline tactiled_sample next_sample(std::uint64_t t_ns, std::uint64_t now_ns) noexcept;
     [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;
     [[nodiscard]] inline Reading read(const Frame& frame, std::array<double, kMaxChannels>& raw) noexcept;
+    [[nodiscard]] inline double temperature_C(const Frame& frame) noexcept;
+    [[nodiscard]] bool is_of_another_device(const Frame& frame) const noexcept;
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept;
     [[nodiscard]] std::uint32_t epoch() const noexcept {
         return daemon_epoch_ << 16 | (stream_.discontinuities() & 0xFFFFu);
@@ -169,6 +192,8 @@ private:
     LowPass low_pass_;
     Latency latency_;
     std::array<double, kMaxChannels> channel_{};  // channels of the last frame, in the unit of the calibration
+    Thermometer thermometer_;
+    double others_temperature_C_ = kNaN;
     float peak_N_ = 0;
     tactiled_sample last_{};
     std::uint32_t own_quality_ = TACTILED_BAD;  // quality of last_, before it was compared

@@ -27,6 +27,8 @@ constexpr int kFrozenAfter = 100;   // readings, if the driver knows that noise 
 // Times the longest run of equal readings in the calibration's rows. A run of R in n readings is expected if a reading
 // repeats with the probability n^(-1 / R): from 200 readings, ten such runs come once in 10^20 readings.
 constexpr int kFrozenTimes = 10;
+// Without rows at rest: kFrozenAfter readings, and this time. A sensor of few bits may rest for longer: frozen_after = 0.
+constexpr std::uint64_t kFrozenUnknownNs = 10'000'000'000;
 
 // Makes the driver of `link` and fills its entry in the directory.
 void make_driver(LinkSettings& settings, Link& link, tactiled_link& directory) {
@@ -115,6 +117,14 @@ ZeroOwner zero_owner(const SensorSettings& settings, const Calibration& calibrat
     return owner;
 }
 
+// Returns the number that a serial is: digits, no more than a double distinguishes.
+std::optional<double> number_of(const std::string& serial) {
+    constexpr std::size_t kMaxDigits = 15;
+    const bool is_number = !serial.empty() && serial.size() <= kMaxDigits &&
+                           std::all_of(serial.begin(), serial.end(), [](char c) { return c >= '0' && c <= '9'; });
+    return is_number ? std::optional<double>(std::stod(serial)) : std::nullopt;
+}
+
 // When a channel that repeats one number counts as frozen.
 void put_frozen(const SensorSettings& settings, const Calibration& calibration, StreamLimits& limits) {
     if (settings.frozen_after == 0) limits.noisy = false;
@@ -124,7 +134,11 @@ void put_frozen(const SensorSettings& settings, const Calibration& calibration, 
     }
     const Repeats& repeats = calibration.repeats;
     for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
-        const int run = repeats.readings.empty() ? 0 : repeats.readings[k];
+        if (repeats.readings.empty()) {
+            limits.frozen_of[k] = {unsigned(kFrozenAfter), limits.noisy ? 0 : kFrozenUnknownNs};
+            continue;
+        }
+        const int run = repeats.readings[k];
         const int after = run == 0 ? (limits.noisy ? kFrozenAfter : 0) : std::max(kFrozenAfter, kFrozenTimes * run);
         const double longest_ns = double(kFrozenTimes) * double(run) * repeats.interval_s * 1e9;
         limits.frozen_of[k] = {unsigned(after), std::uint64_t(std::min(longest_ns, 1e18))};
@@ -174,11 +188,24 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     setup.frame_channels = settings.channels.empty() ? calibration.channels.size() : settings.channels.size();
     if (setup.decoupler == nullptr || !problems.empty()) return;
     setup.counts_per_unit = settings.counts_per_unit;
-    if (!settings.temperature.empty())
-        setup.temperature_of_frame = int(
-            std::find(settings.channels.begin(), settings.channels.end(), settings.temperature) - settings.channels.begin());
-    if (const auto [lowest, highest] = settings.temperature_range_C; lowest < highest)
-        setup.temperature_width_K = highest - lowest;
+    const auto index_of = [&](const std::string& name) {
+        return int(std::find(settings.channels.begin(), settings.channels.end(), name) - settings.channels.begin());
+    };
+    if (!settings.temperature.empty()) setup.temperature_of_frame = index_of(settings.temperature);
+    setup.temperature_of_sensor = settings.thermometer;
+    setup.temperature = {settings.temperature_range_C[0], settings.temperature_range_C[1],
+                         settings.temperature_difference_K};
+    setup.thermometer.jump_K = settings.temperature_jump_K;
+    if (!settings.serial_channel.empty()) {
+        const std::optional<double> number = number_of(calibration.serial);
+        if (!number)
+            settings.options.problem(
+                "serial_channel",
+                fmt::format("serial_channel needs a calibration whose serial is a number; that of {} is {}",
+                            settings.calibration, in_quotes(calibration.serial)));
+        setup.serial_of_frame = index_of(settings.serial_channel);
+        setup.serial = number.value_or(0);
+    }
     setup.saturates_below = settings.saturates_at[0];
     setup.saturates_above = settings.saturates_at[1];
     setup.stream.stale_ns = std::uint64_t(settings.stale_ms) * 1'000'000u;
@@ -207,6 +234,10 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
         setup.stream.noisy = link->driver != nullptr && link->driver->is_noisy(std::uint16_t(settings.device));
     }
     if (settings.delay_ms >= 0) setup.delay_s = settings.delay_ms * 1e-3;
+    const bool is_noisy = setup.stream.noisy;
+    setup.thermometer.frozen_after = settings.temperature_frozen_after >= 0 ? unsigned(settings.temperature_frozen_after)
+                                     : is_noisy && setup.temperature_of_frame >= 0 ? unsigned(kFrozenAfter)
+                                                                                   : 0;
     put_frozen(settings, calibration, setup.stream);
     node.sensors.emplace_back(std::move(setup));
     node.calibrations.push_back(calibration_text(calibration));

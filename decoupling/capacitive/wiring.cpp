@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "decoupling/capacitive/methods.hpp"
+#include "decoupling/temperature.hpp"
 
 namespace tactiled {
 
@@ -52,5 +53,13 @@ std::array<double, kElectrodes> active_at_rest(const CalibrationData& data, cons
     }
     return active;
 }
+
+namespace {
+
+// Silicone, handbook values of gap and permittivity together, relative to the capacitance. The modulus of rubber
+// follows the absolute temperature.
+const TemperatureEffect effect{.name = "capacitive", .zero_per_K = 5e-4, .channel_unit = "", .gain_per_K = 3.4e-3};
+
+}  // namespace
 
 }  // namespace tactiled

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "decoupling/temperature.hpp"
+
 namespace tactiled {
 namespace {
 
@@ -59,5 +61,13 @@ std::string read_noise(const CalibrationData& data, HairSetup& setup) {
     }
     return "";
 }
+
+namespace {
+
+// Platinum film, handbook value: 1 K on all hairs reads as a press of 8 kPa. The modulus of rubber follows the absolute
+// temperature.
+const TemperatureEffect effect{.name = "hair", .zero_per_K = 3e-3, .channel_unit = "dR/R0", .gain_per_K = 3.4e-3};
+
+}  // namespace
 
 }  // namespace tactiled

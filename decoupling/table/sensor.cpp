@@ -6,6 +6,7 @@
 
 #include "decoupling/table/methods.hpp"
 #include "decoupling/table/sign_table.hpp"
+#include "decoupling/temperature.hpp"
 
 namespace tactiled {
 
@@ -68,5 +69,13 @@ std::optional<GaugeSolver> solver_of_signs(const CalibrationData& data, std::str
     }
     return solver;
 }
+
+namespace {
+
+// Handbook values: 1e-4 /K of Ni-Cr, and a gauge factor of 2 times 32 ppm/K by which SU-8 expands more than polyimide.
+// The modulus of polyimide.
+const TemperatureEffect effect{.name = "table", .zero_per_K = 1.64e-4, .channel_unit = "dR/R0", .gain_per_K = 5e-4};
+
+}  // namespace
 
 }  // namespace tactiled

@@ -50,6 +50,7 @@ name = "cap"
 link = "bus"
 device = 0
 model = "capacitive"
+temperature_range_C = [23, 23]
 calibration = "{ROOT}/config/calibration/capacitive_documents.toml"
 stale_ms = 10000  # of an emulated machine on a busy host; a frame is 5 conversions of 110 ms
 

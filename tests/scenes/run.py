@@ -203,7 +203,7 @@ def play(scene, effects, speed, calibrations, truths):
                      f'speed = {speed}\n\n')
         text += (f'[[sensor]]\nname = "e{i}"\nlink = "scene{link}"\ndevice = {device}\nmodel = "{model_of(calibration)}"\n'
                  f'calibration = "{calibration}"\nmethod = "{expect.get("method", "")}"\nchannels = {channels_of(table)}\n'
-                 f'stale_ms = 2000\ntare_ms = {TARE_MS}\n\n')
+                 f'stale_ms = 2000\ntare_ms = {TARE_MS}\ntemperature_range_C = [23, 23]\n\n')
         end_s = min(expect.get("to_s", 1e7), max(truths[name]) / 1e6)
         last.append(math.floor(end_s * scene.rate_Hz / table.get("every", 1)))
     text += "[shm]\nhistory = 16384\n"

@@ -292,7 +292,7 @@ class Check(unittest.TestCase):
                      "contact_on_N = 0.033"):
             self.assertIn(said, done.stdout)
         safe = CONFIG.replace("channels = 3\n", 'channels = 3\nchecksum = "crc16"\ntime_us = true\n')
-        safe = safe.replace("stale_ms", "rate_Hz = 100\nfrozen_after = 100\nstale_ms")
+        safe = safe.replace("stale_ms", "rate_Hz = 100\nstale_ms").replace("frozen_after = 0", "frozen_after = 100")
         self.assertIn("no joint domain", self.check(safe).stdout)
         joint = "joint_domain.mean = [0.0, 0.0, 0.0]\njoint_domain.whitening = [[1.0], [0.0, 1.0], [0.0, 0.0, 1.0]]\njoint_domain.limit = 9.0\n"
         self.assertNotIn("warning", self.check(safe, CALIBRATION + joint).stdout)

@@ -38,6 +38,7 @@ calibration = "{calibration}"
 rate_Hz = 100
 frozen_after = 100
 expect_serial = "documents"
+temperature_range_C = [20, 25]
 
 [modbus]
 listen = "127.0.0.1:1502"

@@ -47,7 +47,7 @@ def config_of(path, calibration):
     # The scenes' arm accelerates and brakes for 0.8 s after the weight has come onto the jaws.
     grasp = '[grasp]\ngravity_G_m_s2 = [0, 0, 9.81]\nlift_accelerates_ms = 900\nobjects = "objects.toml"\n'
     for i, sensor in enumerate(scene["sensor"]):
-        text += (f'[[sensor]]\nname = "{sensor["name"]}"\nlink = "scene"\ndevice = {i}\nmodel = "hair"\ncalibration = "{calibration}"\n'
+        text += (f'[[sensor]]\nname = "{sensor["name"]}"\nlink = "scene"\ndevice = {i}\nmodel = "hair"\ntemperature_range_C = [23, 23]\ncalibration = "{calibration}"\n'
                  f'contact_on_N = 0.02\ncontact_off_N = 0.01\nchannels = ["H1", "H2", "H3", "H4"]\n\n')
         grasp += (f'\n[[grasp.jaw]]\nsensor = "{sensor["name"]}"\nx_S_in_G = {mounting(sensor["turn_deg"], INWARD[i])}\n'
                   f'z_S_in_G = {INWARD[i]}\n')

@@ -22,6 +22,7 @@ link = "bus"
 model = "generic"
 calibration = "{folder}/unit.toml"
 stale_ms = 100
+frozen_after = 0
 """
 LINK = """
 [[link]]

@@ -19,6 +19,7 @@ link = "usb0"
 model = "generic"
 calibration = "{folder}/unit.toml"
 stale_ms = 100
+frozen_after = 0
 """
 
 CALIBRATION = """format = 1

@@ -7,6 +7,7 @@
 
 #include "config/calibration.hpp"
 #include "decoupling/grasp/grasp.hpp"
+#include "decoupling/temperature.hpp"
 #include "node/ctl/doctor/doctor.hpp"
 #include "node/setup.hpp"
 
@@ -60,11 +61,34 @@ std::string channels_that_may_freeze(const SensorSettings& s, bool noisy) {
     Problems ignored;
     const Calibration calibration = load_calibration(s.calibration, ignored);
     const std::vector<int>& readings = calibration.repeats.readings;
-    if (s.frozen_after == 0 || readings.empty()) return "a channel that";
+    if (s.frozen_after == 0) return "a channel that";
     std::vector<std::string> unknown;
     for (std::size_t k = 0; k < readings.size(); ++k)
         if (readings[k] == 0) unknown.push_back(calibration.channels[k]);
     return unknown.empty() ? "" : fmt::format("channel {}, still in the calibration, that", fmt::join(unknown, " "));
+}
+
+// Reports what the temperature of a model can do that the calibration does not know, and a thermometer that may stand still.
+void look_at_temperature(const SensorSettings& s, const tactiled_sensor& entry, Findings& found) {
+    Problems ignored;
+    const Calibration calibration = load_calibration(s.calibration, ignored);
+    const bool is_declared = std::isfinite(s.temperature_range_C[0]);
+    const auto advise = [&](const std::string& says, const std::string& remedy) {
+        found.push_back({"temperature", Verdict::advice, fmt::format("sensor \"{}\": {}", s.name, says), remedy});
+    };
+    if (temperature_effect(calibration) != nullptr && !is_declared)
+        advise(
+            fmt::format("model \"{}\" follows temperature, and the calibration does not know by how much: the standard "
+                        "deviation contains {:g} K",
+                        entry.model, kRoom_K),
+            "calibrate with temperature_C over at least 2 K, or declare temperature_range_C = [lowest, highest], equal if "
+            "the electronics compensate it");
+    if (!calibration.temperature.zero_per_K.empty() && s.temperature.empty() && s.temperature_of.empty())
+        advise("the calibration takes temperature off, but the sensor has none",
+               "temperature = the name in `channels`, or temperature_of = another sensor");
+    if (!s.temperature.empty() && s.temperature_frozen_after <= 0)
+        advise("unless the chip's noise moves it, a thermometer that stands still counts as true",
+               "temperature_frozen_after = 1000  # many times the repeats of a good one");
 }
 
 void look_at_sensor(const Node& node, std::size_t i, Findings& found) {
@@ -80,6 +104,7 @@ void look_at_sensor(const Node& node, std::size_t i, Findings& found) {
     const auto link = std::find_if(node.links.begin(), node.links.end(), [&](const auto& l) { return l->name == s.link; });
     const bool noisy =
         link != node.links.end() && (*link)->driver != nullptr && (*link)->driver->is_noisy(std::uint16_t(s.device));
+    look_at_temperature(s, entry, found);
     if (const std::string which = channels_that_may_freeze(s, noisy); !which.empty())
         advise("frozen", which + " repeats one number for ever counts as good",
                "frozen_after = 100  # many times the repeats of a recording at rest");
@@ -129,18 +154,28 @@ void look_at_identity(const Node& node, Findings& found) {
     for (std::size_t i = 0; i < node.config.sensors.size(); ++i) {
         const SensorSettings& s = node.config.sensors[i];
         const std::string serial = node.plan.sensors[i].serial;
-        const bool is_expected = !s.expect_serial.empty();
-        found.push_back({"identity", is_expected ? Verdict::good : Verdict::advice,
-                         is_expected
-                             ? fmt::format("sensor \"{}\": the calibration is of serial {}, as expected; its device "
-                                           "reports none",
-                                           s.name, serial)
-                             : fmt::format("sensor \"{}\": nothing shows that the calibration is of the sensor that is "
-                                           "mounted: its device reports no serial",
-                                           s.name),
-                         is_expected ? ""
-                                     : "expect_serial = \"" + (serial.empty() ? "..." : serial) +
-                                           "\"  # as printed on the sensor; `calibrate --serial` writes it"});
+        const auto say = [&](Verdict verdict, const std::string& says, const std::string& remedy) {
+            found.push_back({"identity", verdict, fmt::format("sensor \"{}\": {}", s.name, says), remedy});
+        };
+        if (!s.serial_channel.empty())
+            say(Verdict::good, fmt::format("each frame is compared with serial {} of the calibration", serial), "");
+        else if (!s.expect_serial.empty())
+            say(Verdict::good,
+                fmt::format("the calibration is of serial {}, as expected; its device reports none, so that a sensor on "
+                            "another port is not noticed",
+                            serial),
+                "");
+        else
+            say(Verdict::advice,
+                "nothing shows that the calibration is of the sensor that is mounted: its device reports no serial",
+                "expect_serial = \"" + (serial.empty() ? "..." : serial) +
+                    "\"  # as printed on the sensor; `calibrate --serial` writes it; or serial_channel");
+        for (std::size_t j = 0; j < i; ++j)
+            if (node.config.sensors[j].calibration == s.calibration)
+                say(Verdict::advice,
+                    fmt::format("has the calibration of sensor \"{}\": two individual sensors differ",
+                                node.config.sensors[j].name),
+                    "calibrate each sensor by itself");
     }
 }
 

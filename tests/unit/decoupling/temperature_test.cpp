@@ -73,7 +73,7 @@ TEST_F(Warm, WithoutATemperatureTheDeclaredRangeIsInTheStandardDeviation) {
     EXPECT_EQ(unknown.quality, TACTILED_UNCERTAIN);
     EXPECT_NE(unknown.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);
     EXPECT_TRUE(std::isnan(unknown.sd[2]));
-    decoupler->set_temperature_range(10);
+    decoupler->set_temperature({.lowest_C = 18, .highest_C = 28});
     const Estimate declared = at(*decoupler, 1, -6, 27, kNaN);
     EXPECT_EQ(declared.quality, TACTILED_UNCERTAIN);  // a tenth of full scale and more
     EXPECT_LT(std::abs(declared.wrench_S[2] + 6), 2 * declared.sd[2]);
@@ -97,6 +97,119 @@ TEST_F(Warm, ComesBackFromAFile) {
     EXPECT_EQ(loaded.temperature.range_C, calibration.temperature.range_C);
     calibration.temperature.zero.pop_back();
     EXPECT_NE(refusal(calibration).find("temperature"), std::string::npos);
+}
+
+// A sensor of the documents, as if it had been calibrated, with full scales and small standard deviations.
+Calibration of_documents(const std::string& model) {
+    Problems problems;
+    Calibration calibration =
+        load_calibration(std::string(TACTILED_SOURCE_DIR) + "/config/calibration/" + model + "_documents.toml", problems);
+    EXPECT_EQ(problems.lines(), std::vector<std::string>{});
+    calibration.nominal = false;
+    calibration.channel_least.clear();
+    calibration.channel_most.clear();
+    calibration.sd.assign(calibration.components.size(), 1e-4);
+    return calibration;
+}
+
+// Its estimate at no load where each channel is warmer by `warmer_K`, of a model whose zeros follow by `per_K`.
+Estimate at_rest(Decoupler& decoupler, const Calibration& calibration, double per_K, std::vector<double> warmer_K,
+                 double said_C = kNaN) {
+    std::vector<double> channel = calibration.zero;
+    warmer_K.resize(channel.size());
+    for (std::size_t k = 0; k < channel.size(); ++k) channel[k] += per_K * warmer_K[k];
+    return decoupler.decouple({.channel = channel, .temperature_C = said_C});
+}
+
+constexpr double kPlatinum = 3e-3, kNiCr = 1.64e-4, kUndeclared = kNaN;
+
+TEST(KnownTemperatureEffect, HairsAreNotGoodAndWrongByATenthOfAKelvinOrTwo) {
+    const Calibration calibration = of_documents("hair");
+    const auto decoupler = make_decoupler(calibration);
+    decoupler->set_temperature({kUndeclared, kUndeclared, 0});
+    EXPECT_EQ(at_rest(*decoupler, calibration, kPlatinum, {}).quality, TACTILED_UNCERTAIN);  // a room: 10 K
+    decoupler->set_temperature({23, 23.15, 0});
+    const Estimate warmer = at_rest(*decoupler, calibration, kPlatinum, {0.15, 0.15, 0.15, 0.15});
+    EXPECT_LT(warmer.wrench_S[2], -0.03);  // newtons of a press that nobody makes
+    EXPECT_EQ(warmer.quality, TACTILED_UNCERTAIN);
+    EXPECT_NEAR(warmer.sd[2], -warmer.wrench_S[2], 0.05 * warmer.sd[2]);
+    EXPECT_LT(warmer.sd[0], 1e-3) << "a temperature of all hairs is no shear";
+    decoupler->set_temperature({23, 23, 0});  // constant
+    EXPECT_EQ(at_rest(*decoupler, calibration, kPlatinum, {}).quality, TACTILED_GOOD);
+}
+
+TEST(KnownTemperatureEffect, ADifferenceBetweenTwoHairsIsInTheStandardDeviationOfTheShear) {
+    const Calibration calibration = of_documents("hair");
+    const auto decoupler = make_decoupler(calibration);
+    decoupler->set_temperature({23, 23, 0.15});
+    const Estimate warmer = at_rest(*decoupler, calibration, kPlatinum, {0.075, 0, -0.075, 0});
+    EXPECT_GT(std::abs(warmer.wrench_S[0]), 3e-3);
+    EXPECT_LT(std::abs(warmer.wrench_S[0]), 2 * warmer.sd[0]);
+    EXPECT_LT(std::abs(warmer.wrench_S[2]), 2 * warmer.sd[2]);
+    EXPECT_EQ(warmer.quality, TACTILED_UNCERTAIN);
+    // A single thermometer does not show the difference.
+    EXPECT_EQ(at_rest(*decoupler, calibration, kPlatinum, {0.075, 0, -0.075, 0}, 23).quality, TACTILED_UNCERTAIN);
+}
+
+TEST(KnownTemperatureEffect, ARoomIsInTheStandardDeviationOfGaugesAndPads) {
+    const Calibration table = of_documents("table"), pad = of_documents("capacitive");
+    const auto gauges = make_decoupler(table), pads = make_decoupler(pad);
+    EXPECT_LT(at_rest(*gauges, table, 0, {}).sd[2], 2e-4);  // not set: a recording is used unchanged
+    gauges->set_temperature({kUndeclared, kUndeclared, 0.5});
+    pads->set_temperature({kUndeclared, kUndeclared, 0.5});
+    const Estimate warm = at_rest(*gauges, table, kNiCr, std::vector<double>(table.channels.size(), 10));
+    EXPECT_NEAR(warm.wrench_S[2], -0.085, 0.01);
+    EXPECT_NEAR(at_rest(*gauges, table, 0, {}).sd[2], -warm.wrench_S[2], 0.01);
+    std::vector<double> channel = pad.zero;
+    for (double& each : channel) each *= 1 + 5e-4 * 10;
+    const Estimate warm_pad = pads->decouple({.channel = channel});
+    for (const std::size_t c : {0u, 1u, 2u}) EXPECT_FALSE(std::abs(warm_pad.wrench_S[c]) > 2 * warm_pad.sd[c]) << c;
+    EXPECT_GT(warm_pad.sd[2], 0.05);
+}
+
+TEST(KnownTemperatureEffect, ASofterSkinIsInTheStandardDeviationOfALoad) {
+    const Calibration table = of_documents("table");
+    const auto gauges = make_decoupler(table);
+    gauges->set_temperature({15, 35, 0});
+    std::vector<double> channel = table.zero;
+    for (std::size_t k = 0; k < channel.size(); ++k)  // a press pulls R1 R3 R5 R7
+        channel[k] += (table.channels[k].back() - '0') % 2 == 1 ? 19.366e-3 : 0;
+    const Estimate press = gauges->decouple({.channel = channel}), rest = at_rest(*gauges, table, 0, {});
+    ASSERT_NEAR(press.wrench_S[2], -1, 0.1);
+    EXPECT_NEAR(std::sqrt(press.sd[2] * press.sd[2] - rest.sd[2] * rest.sd[2]), 20 * 5e-4 * -press.wrench_S[2], 1e-3);
+}
+
+TEST(KnownTemperatureEffect, IsUnknownInAnotherUnitUnlessTheTemperatureIsConstant) {
+    Calibration calibration = of_documents("table");
+    calibration.channel_unit = "counts";
+    const auto decoupler = make_decoupler(calibration);
+    decoupler->set_temperature({kUndeclared, kUndeclared, 0.5});
+    const Estimate estimate = at_rest(*decoupler, calibration, 0, {});
+    EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN);
+    EXPECT_TRUE(std::isnan(estimate.sd[2]));
+    EXPECT_NE(estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);
+    decoupler->set_temperature({20, 20, 0});
+    EXPECT_EQ(at_rest(*decoupler, calibration, 0, {}).quality, TACTILED_GOOD);
+}
+
+TEST(KnownTemperatureEffect, AMeasuredTemperatureOutsideTheDeclaredRangeIsUncertain) {
+    const Calibration calibration = of_documents("table");
+    const auto decoupler = make_decoupler(calibration);
+    decoupler->set_temperature({20, 25, 0.1});
+    EXPECT_EQ(at_rest(*decoupler, calibration, 0, {}, 25.4).quality, TACTILED_GOOD);
+    const Estimate hot = at_rest(*decoupler, calibration, 0, {}, 26);
+    EXPECT_EQ(hot.quality, TACTILED_UNCERTAIN);
+    EXPECT_NE(hot.reasons & TACTILED_OUTSIDE_DOMAIN, 0u);
+}
+
+TEST_F(Warm, ADifferenceFromTheThermometerIsInTheStandardDeviation) {
+    const Calibration calibration = calibrate();
+    const auto decoupler = make_decoupler(calibration);
+    decoupler->set_temperature({kUndeclared, kUndeclared, 0.5});
+    const Estimate behind = at(*decoupler, 1, -6, 24.5, 24);  // the gauges are warmer than their thermometer
+    EXPECT_EQ(behind.quality, TACTILED_GOOD);
+    EXPECT_GT(std::abs(behind.wrench_S[2] + 6), 0.05);
+    EXPECT_LT(std::abs(behind.wrench_S[2] + 6), 2 * behind.sd[2]);
 }
 
 }  // namespace

@@ -71,6 +71,45 @@ TEST(Sensor, TakesItsTemperatureFromAChannelOfTheFrame) {
     EXPECT_TRUE(std::isnan(send(none, kMs, 1, 23.5).temperature_C));
 }
 
+TEST(Sensor, ASaturatedOrJumpingThermometerHasNoValue) {
+    Sensor sensor = with([](Sensor::Setup& setup) { setup.temperature_of_frame = 3; });
+    EXPECT_EQ(send(sensor, kMs, 1, 23.5).temperature_C, 23.5f);
+    EXPECT_TRUE(std::isnan(send(sensor, 2 * kMs, 1, 40).temperature_C));
+    Frame f = frame(3 * kMs, 1, 0, 0);
+    f.n_channels = 4;
+    f.channel[3] = 23.5;
+    f.saturated = 8;
+    EXPECT_TRUE(std::isnan(sensor.sample(f, 3 * kMs).temperature_C));
+    EXPECT_EQ(send(sensor, 4 * kMs, 1, 23.5).temperature_C, 23.5f);
+}
+
+TEST(Sensor, TakesTheTemperatureOfAnotherSensorWhileThatDelivers) {
+    Sensor thermometer = with([](Sensor::Setup& setup) { setup.temperature_of_frame = 3; });
+    Sensor sensor = with([](Sensor::Setup& setup) { setup.temperature_of_sensor = 0; });
+    (void)send(thermometer, kMs, 1, 23.5);
+    sensor.take_temperature(thermometer.last());
+    EXPECT_EQ(send(sensor, kMs, 1, 99).temperature_C, 23.5f);
+    EXPECT_TRUE(thermometer.has_discontinuity(false, 2 * kMs));
+    (void)thermometer.marker(2 * kMs);
+    sensor.take_temperature(thermometer.last());
+    EXPECT_TRUE(std::isnan(send(sensor, 2 * kMs, 1, 99).temperature_C));
+}
+
+TEST(Sensor, AFrameOfAnotherDeviceThanTheCalibrationsHasNoValue) {
+    Sensor sensor = with([](Sensor::Setup& setup) {
+        setup.serial_of_frame = 3;
+        setup.serial = 1017;
+    });
+    EXPECT_EQ(send(sensor, kMs, 1, 1017).quality, unsigned(TACTILED_GOOD));
+    for (const double other : {1018.0, 0.0, -1017.0, std::nan("")}) {
+        const auto s = send(sensor, 2 * kMs, 1, other);
+        EXPECT_EQ(s.quality, unsigned(TACTILED_BAD)) << other;
+        EXPECT_EQ(s.reasons, unsigned(TACTILED_WRONG_DEVICE)) << other;
+        EXPECT_TRUE(std::isnan(s.force_S_N[0]));
+    }
+    EXPECT_EQ(send(sensor, 3 * kMs, 1, 1017).quality, unsigned(TACTILED_GOOD));
+}
+
 TEST(Sensor, TheDelayOfChainAndLowPassIsInTheStandardDeviationWhileTheForceMoves) {
     Sensor chain = with([](Sensor::Setup& setup) { setup.delay_s = 0.004; });
     Sensor filtered = with([](Sensor::Setup& setup) { setup.settable.filter_Hz = 50; });

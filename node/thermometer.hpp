@@ -1,0 +1,83 @@
+// Judges the temperature of a sensor: a thermometer that fails, stands still or jumps has no value, and the sensor is then
+// as good as without one. A thermometer that is exchanged for another one jumps.
+#pragma once
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+namespace tactiled {
+
+class Thermometer {
+public:
+    struct Limits {
+        unsigned frozen_after = 0;  // consecutive equal readings that count as frozen; 0 = never
+        double jump_K = 1;          // largest change beyond kSlew_K_per_s
+    };
+    // Faster than a board warms up. Channels and thermometer differ while the temperature changes faster.
+    static constexpr double kSlew_K_per_s = 0.1;
+
+    void judge_by(const Limits& limits) noexcept { limits_ = limits; }
+
+    // Returns the temperature, NaN if there is none or it is doubtful. After a jump it stays doubtful until it returns to
+    // what it was before; only while there was no reading may it have changed by the slew. rt: wait-free
+    [[nodiscard]] double judge(double t_C, std::uint64_t t_ns) noexcept {
+        if (!std::isfinite(t_C)) return kNone;
+        if (is_frozen(t_C)) return kNone;
+        const double since_s = last_ns_ != 0 && t_ns > last_ns_ ? double(t_ns - last_ns_) * 1e-9 : 0;
+        last_ns_ = t_ns;
+        if (std::isnan(reference_C_)) reference_C_ = t_C;
+        // The time of a doubt does not count: otherwise any jump would be believed in the end.
+        if (since_s > kGap_s || !is_doubtful_) unjudged_s_ += since_s;
+        const double walked_K = kSlew_K_per_s * unjudged_s_;
+        is_doubtful_ = std::abs(t_C - reference_C_) > limits_.jump_K + walked_K;
+        if (is_doubtful_) return kNone;
+        reference_C_ += std::clamp(t_C - reference_C_, -walked_K, walked_K);
+        unjudged_s_ = 0;
+        return t_C;
+    }
+
+    // During a tare the present temperature counts as true, as the present load counts as none. A tare that fails leaves
+    // the thermometer as doubtful as it was. rt: wait-free
+    void begin_tare() noexcept {
+        before_tare_C_ = reference_C_;
+        reference_C_ = kNone;
+    }
+    void fail_tare() noexcept { reference_C_ = std::isnan(before_tare_C_) ? reference_C_ : before_tare_C_; }
+
+    // Continues where `before` ended. rt: wait-free
+    void succeed(const Thermometer& before) noexcept {
+        const Limits limits = limits_;
+        *this = before;
+        limits_ = limits;
+    }
+
+private:
+    static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+    static constexpr double kGap_s = 1;
+    static constexpr unsigned kAliveAfter = 2;  // changes, as for a channel (quality.cpp)
+
+    [[nodiscard]] bool is_frozen(double t_C) noexcept {
+        const bool repeats = t_C == last_C_;
+        last_C_ = t_C;
+        equal_ = repeats ? std::min(equal_ + 1, std::max(1u, limits_.frozen_after)) : 1;
+        moved_ = repeats ? moved_ : std::min(moved_ + 1, kAliveAfter);
+        if (limits_.frozen_after != 0 && equal_ >= limits_.frozen_after) {
+            frozen_ = true;
+            moved_ = 0;
+        } else if (moved_ >= kAliveAfter) {
+            frozen_ = false;
+        }
+        return frozen_;
+    }
+
+    Limits limits_;
+    double reference_C_ = kNone;  // follows the temperature by the slew
+    double before_tare_C_ = kNone, last_C_ = kNone;
+    std::uint64_t last_ns_ = 0;
+    double unjudged_s_ = 0;  // since it was last believed, without the time in which it was doubtful
+    bool is_doubtful_ = false, frozen_ = false;
+    unsigned equal_ = 0, moved_ = 0;
+};
+
+}  // namespace tactiled

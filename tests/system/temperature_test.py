@@ -1,0 +1,163 @@
+#!/usr/bin/env python3
+"""Two sensors of hairs that a kelvin loads with four times their full scale: a thermometer that is wrong, sensors that are exchanged on
+their ports and calibrations that are exchanged in the configuration give no wrong value that is GOOD."""
+import math
+import os
+import pathlib
+import random
+import signal
+import sys
+import threading
+import tty
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from daemon import ROOT, Daemon, wait_for  # noqa: E402
+
+sys.path.insert(0, str(ROOT / "node/python"))
+import tactiled  # noqa: E402
+
+PER_K = 3e-3  # platinum
+SENSOR = """
+[[link]]
+name = "usb-{name}"
+driver = "uart"
+device = "{{folder}}/{name}"
+path = "direct"
+format = "lines"
+channels = 6
+sequence = true
+
+[[sensor]]
+name = "{name}"
+link = "usb-{name}"
+model = "hair"
+calibration = "{{folder}}/{name}.toml"
+channels = ["H1", "H2", "H3", "H4", "T", "number"]
+temperature = "T"
+temperature_frozen_after = 100
+temperature_difference_K = 0.005
+serial_channel = "number"
+stale_ms = 500
+"""
+LEARNT = """sd = [2e-4, 2e-4, 2e-4]
+temperature.reference_C = 23.0
+temperature.range_C = [10.0, 40.0]
+temperature.zero = [0.0, 0.0, 0.0, 0.0]
+temperature.zero_per_K = [3e-3, 3e-3, 3e-3, 3e-3]
+temperature.gain_per_K = [0.0, 0.0, 0.0, 0.0]
+"""
+SERIALS = {"left": 1001, "right": 1002}
+
+
+def calibration(serial):
+    text = (ROOT / "config/calibration/hair_documents.toml").read_text()
+    return text.replace('serial = "documents"', f'serial = "{serial}"').replace("\nparameters.area", "\n" + LEARNT + "\nparameters.area", 1)
+
+
+class Hairs(threading.Thread):
+    """A device that sends 200 lines a second: four hairs at no load, its temperature and its number."""
+
+    def __init__(self, path, number):
+        super().__init__(daemon=True)
+        self.number, self.true_C, self.said_C, self.still, self.ended = number, 23.0, None, {}, threading.Event()
+        self.master, self.slave = os.openpty()
+        tty.setraw(self.slave)
+        os.set_blocking(self.master, False)
+        path.symlink_to(os.ttyname(self.slave))
+        self.start()
+
+    def run(self):
+        rng, sequence = random.Random(self.number), 0
+        while not self.ended.wait(0.005):
+            sequence += 1
+            hairs = [PER_K * (self.true_C - 23) + rng.gauss(0, 5e-6) for _ in range(4)]
+            for k, value in self.still.items():
+                hairs[k] = value
+            said = f"{self.true_C + rng.gauss(0, 1e-3):.6f}" if self.said_C is None else str(self.said_C)
+            try:
+                os.write(self.master, (f"{sequence}," + ",".join(f"{h:.9f}" for h in hairs) + f",{said},{self.number}\n").encode())
+            except BlockingIOError:
+                pass  # there is no daemon
+
+
+class TemperatureAndIdentity(unittest.TestCase):
+    def setUp(self):
+        self.daemon = Daemon("".join(SENSOR.format(name=name) for name in SERIALS))
+        for name, serial in SERIALS.items():
+            (self.daemon.folder / f"{name}.toml").write_text(calibration(serial))
+        self.devices = {name: Hairs(self.daemon.folder / name, serial) for name, serial in SERIALS.items()}
+        self.daemon.start()
+        self.wait_good()
+
+    def tearDown(self):
+        self.daemon.__exit__()
+        for device in self.devices.values():
+            device.ended.set()
+
+    def latest(self, name="left"):
+        return tactiled.open(self.daemon.name).latest(name)
+
+    def wait_good(self):
+        for name in SERIALS:
+            wait_for(lambda name=name: self.latest(name).quality == tactiled.GOOD, 5, f"{name} to be GOOD")
+
+    def no_good_and_wrong_value(self, name="left", seconds=1.0):
+        """Follows the sensor; returns how many of its samples were GOOD."""
+        good = 0
+        ended = threading.Event()
+        threading.Timer(seconds, ended.set).start()
+        for sample in tactiled.open(self.daemon.name).follow(name):
+            if sample.quality == tactiled.GOOD:
+                good += 1
+                self.assertLess(abs(sample.force_S_N[2]), 5 * sample.sd_force_N[2])
+            if ended.is_set():
+                return good
+
+    def test_the_room_warms_up_and_no_force_appears(self):
+        for step in range(20):
+            self.devices["left"].true_C = 23 + 0.05 * step
+            self.assertGreater(self.no_good_and_wrong_value(seconds=0.1), 5)
+        self.assertAlmostEqual(self.latest().temperature_C, 23.95, delta=0.01)
+
+    def test_a_thermometer_that_fails_jumps_or_stands_still_gives_no_good_value(self):
+        device = self.devices["left"]
+        for said in ("nan", 26.0, 73.4, 296.15, -4096.0):  # none; another sensor's; degF; K; the code 0 of a chip
+            device.said_C = said
+            wait_for(lambda: self.latest().quality != tactiled.GOOD, 2, f"{said} degC to be noticed")
+            self.assertEqual(self.no_good_and_wrong_value(), 0, said)
+            self.assertTrue(math.isnan(self.latest().temperature_C), said)
+            device.said_C = None
+            self.wait_good()
+        device.said_C = 23.0
+        wait_for(lambda: self.latest().quality != tactiled.GOOD, 2, "a thermometer that stands still to be noticed")
+        device.true_C = 24
+        self.assertEqual(self.no_good_and_wrong_value(), 0)
+
+    def test_a_hair_that_stands_still_is_frozen_although_the_calibration_has_no_rows_at_rest(self):
+        self.devices["left"].still = {1: 1e-6}  # within the noise of the others
+        wait_for(lambda: self.latest().reasons & tactiled.FROZEN, 20, "the frozen hair")
+        self.assertNotEqual(self.latest().quality, tactiled.GOOD)
+        self.devices["left"].still = {}
+        self.wait_good()
+
+    def test_sensors_that_are_exchanged_on_their_ports_have_no_value(self):
+        left, right = self.devices["left"], self.devices["right"]
+        left.number, right.number = right.number, left.number
+        for name in SERIALS:
+            wait_for(lambda name=name: self.latest(name).quality == tactiled.BAD, 2, name)
+            self.assertTrue(self.latest(name).reasons & tactiled.WRONG_DEVICE)
+
+    def test_calibrations_that_are_exchanged_have_no_value(self):
+        files = {name: self.daemon.folder / f"{name}.toml" for name in SERIALS}
+        texts = {name: file.read_text() for name, file in files.items()}
+        files["left"].write_text(texts["right"])
+        files["right"].write_text(texts["left"])
+        self.daemon.process.send_signal(signal.SIGHUP)
+        for name in SERIALS:
+            wait_for(lambda name=name: self.latest(name).quality == tactiled.BAD
+                     and self.latest(name).reasons & tactiled.WRONG_DEVICE, 5, name)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
