@@ -36,17 +36,22 @@ using namespace tactiled;
 using namespace tactiled::ctl;
 
 void coverage(const std::vector<Contest>& contests) {
-    fmt::print("{:<30} {:>10} {:>8} {:>9} {:>9} {:>9}\n", "method, scene", "GOOD %", "in 1 sd", "over 5 sd", "sd / rms",
-               "samples");
+    fmt::print("{:<30} {:>10} {:>9} {:>8} {:>9} {:>9} {:>9}\n", "method, scene", "GOOD %", "no parity", "in 1 sd",
+               "over 5 sd", "sd / rms", "samples");
     for (const Contest& contest : contests)
         for (const Candidate& candidate : contest.candidates)
             for (const Trial& trial : contest.trials) {
                 Course course(candidate, trial.delay_s);
                 course.judge(trial.rows);
-                const Shares s = course.shares();
-                fmt::print("{:<30} {:>10.1f} {:>8.1f} {:>9.2f} {:>9.2f} {:>9}\n",
+                Candidate without = candidate;
+                without.calibration.parity = {};
+                Course other(without, trial.delay_s);
+                other.judge(trial.rows);
+                const Shares s = course.shares(), o = other.shares();
+                fmt::print("{:<30} {:>10.2f} {:>9.2f} {:>8.1f} {:>9.2f} {:>9.2f} {:>9}\n",
                            fmt::format("{}/{} {}", contest.model, candidate.name, trial.kind), percent(s.good, s.samples),
-                           percent(s.within, s.values), percent(s.undetected, s.good), s.sharpness, s.samples);
+                           percent(o.good, o.samples), percent(s.within, s.values), percent(s.undetected, s.good),
+                           s.sharpness, s.samples);
             }
 }
 
@@ -195,8 +200,14 @@ void damage(const std::string& fit_file, const std::string& judge_file, const st
         {"exchanged", [&](auto& channel, std::size_t k) { std::swap(channel[pairs[k].first], channel[pairs[k].second]); }}};
     std::stringstream names(methods.empty() ? "matrix,quadratic,rbf,mlp" : methods);
     for (std::string method; std::getline(names, method, ',');) {
-        const Calibration calibration =
-            fit(seen, {.model = "generic", .method = method, .serial = "", .date = "", .parity = true}).calibration;
+        const FitReport report = fit(seen, {.model = "generic", .method = method, .serial = "", .date = ""});
+        const Calibration& calibration = report.calibration;
+        for (const std::string& warning : report.warnings) fmt::print("{}: {}\n", method, warning);
+        fmt::print("{}: sd of unloading, of full scale:", method);
+        for (std::size_t i = 0; i < calibration.sd_unloading.size(); ++i)
+            fmt::print(" {:.4f} beside {:.4f}", calibration.sd_unloading[i] / calibration.full_scale[i],
+                       calibration.sd[i] / calibration.full_scale[i]);
+        fmt::print("\n");
         fmt::print(
             "{}: {} channels checked by the others\n", method,
             std::count_if(calibration.parity.sd.begin(), calibration.parity.sd.end(), [](double sd) { return sd > 0; }));

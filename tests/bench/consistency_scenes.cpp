@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMaxRows = 40'000;  // of a calibration
+constexpr std::size_t kMaxCalibrationRows = 40'000;
 
 struct Expectation {
     std::string sensor, calibration, method;
@@ -46,7 +46,7 @@ Calibration calibrated(const fs::path& beside, const std::string& name, const st
     if (request.model.empty()) request.model = ctl::name_of(scene.scene.sensors.front().model);
     request.parameters = scene.known;
     if (!scene.influence.empty()) put_fit_option("influence", scene.influence, request);
-    return fit(ctl::calibration_rows(scene, kMaxRows), request).calibration;
+    return fit(ctl::calibration_rows(scene, kMaxCalibrationRows), request).calibration;
 }
 
 Shares shares_of(const Candidate& candidate, const Labelled& rows, double delay_s, const Expectation& e) {
@@ -74,22 +74,22 @@ void judge_scenes(const std::string& folder, const std::string& name) {
             Candidate without = candidate;
             without.calibration.parity = {};
             sim::Scene scene = sim::read_scene(path.string());
-            const auto sensor = std::find_if(scene.sensors.begin(), scene.sensors.end(), [&](const sim::Sensor& one) {
-                return ::fnmatch(e.sensor.c_str(), one.name.c_str(), 0) == 0;
-            });
-            if (sensor == scene.sensors.end()) continue;
-            scene.sensors = {sim::Sensor(*sensor)};
-            const Labelled rows = ctl::rows_of(scene, ctl::kMaxOfScene);
-            const double delay_s = scene.delay_s(scene.sensors.front());
-            const Shares s = shares_of(candidate, rows, delay_s, e), other = shares_of(without, rows, delay_s, e);
-            fmt::print("{:<50} {:>7.2f} {:>8.2f} {:>8.1f} {:>9.2f} {:>8.2f} {:>8}",
-                       fmt::format("{}, {}", path.stem().string(), key), percent(s.good, s.samples),
-                       percent(other.good, other.samples), percent(s.within, s.values), percent(s.undetected, s.good),
-                       s.sharpness, s.samples);
-            for (const auto& [reasons, n] : s.reasons)
-                if (reasons != 0) fmt::print(" 0x{:x}:{:.1f}%", reasons, percent(n, s.samples));
-            fmt::print("\n");
-            std::fflush(stdout);
+            const std::vector<sim::Sensor> sensors = scene.sensors;
+            for (const sim::Sensor& sensor : sensors) {
+                if (::fnmatch(e.sensor.c_str(), sensor.name.c_str(), 0) != 0) continue;
+                scene.sensors = {sensor};
+                const Labelled rows = ctl::rows_of(scene, ctl::kMaxOfScene);
+                const double delay_s = scene.delay_s(scene.sensors.front());
+                const Shares s = shares_of(candidate, rows, delay_s, e), other = shares_of(without, rows, delay_s, e);
+                fmt::print("{:<50} {:>7.2f} {:>8.2f} {:>8.1f} {:>9.2f} {:>8.2f} {:>8}",
+                           fmt::format("{} {}, {}", path.stem().string(), sensor.name, key), percent(s.good, s.samples),
+                           percent(other.good, other.samples), percent(s.within, s.values), percent(s.undetected, s.good),
+                           s.sharpness, s.samples);
+                for (const auto& [reasons, n] : s.reasons)
+                    if (reasons != 0) fmt::print(" 0x{:x}:{:.1f}%", reasons, percent(n, s.samples));
+                fmt::print("\n");
+                std::fflush(stdout);
+            }
         }
 }
 
