@@ -69,7 +69,7 @@ public:
         inner_->forget();
     }
     void set_delay(double delay_s) noexcept override {
-        // Of channels that are converted one after the other, the oldest is twice as old as the mean.
+        // Channels may be converted one after the other: the oldest is then twice as old as the mean.
         spacing_ns_ = std::uint64_t(2 * delay_s / double(kPast) * 1e9);
         inner_->set_delay(delay_s);
     }

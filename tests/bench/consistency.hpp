@@ -22,6 +22,7 @@ struct Shares {
     std::size_t samples = 0, good = 0, undetected = 0;  // GOOD and off by more than 5 sd in some component
     std::size_t values = 0, within = 0, beyond = 0;     // components of GOOD samples: 1 sd, 5 sd
     double sharpness = 0;                               // the largest median sd / rms of a component
+    double sharpness_together = 0;                      // median sd / rms, each as rms over components in full scales
     std::map<std::uint32_t, std::size_t> reasons;
 };
 
@@ -63,14 +64,20 @@ public:
         is_tared_ = true;
     }
     Shares shares() {
-        for (const std::string& name : candidate_.calibration.components) {
-            Errors& errors = errors_[component_index(name)];
+        double sds = 0, errors_squared = 0;
+        for (std::size_t i = 0; i < candidate_.calibration.components.size(); ++i) {
+            Errors& errors = errors_[component_index(candidate_.calibration.components[i])];
             if (errors.sd.empty()) continue;
             const auto middle = errors.sd.begin() + std::ptrdiff_t(errors.sd.size() / 2);
             std::nth_element(errors.sd.begin(), middle, errors.sd.end());
             const double rms = std::sqrt(errors.squares / double(errors.sd.size()));
             shares_.sharpness = std::max(shares_.sharpness, double(*middle) / rms);
+            const double full_scale =
+                i < candidate_.calibration.full_scale.size() ? candidate_.calibration.full_scale[i] : 1;
+            sds += std::pow(double(*middle) / full_scale, 2);
+            errors_squared += std::pow(rms / full_scale, 2);
         }
+        shares_.sharpness_together = std::sqrt(sds / errors_squared);
         return shares_;
     }
 
@@ -112,5 +119,8 @@ inline double percent(std::size_t part, std::size_t whole) {
 // consistency_scenes.cpp: each [[expect]] of the scenes in `folder`, or of the one named, with its calibration and method.
 // setup: throws SetupError
 void judge_scenes(const std::string& folder, const std::string& name);
+
+// consistency_costs.cpp: ns per sample of each check of each method, on the first scene of its contest.
+void print_costs(const std::vector<ctl::Contest>& contests);
 
 }  // namespace tactiled

@@ -2,6 +2,7 @@
 // `tactilectl tradeoff`, through the Decoupler and the latency of the loop.
 //
 //   consistency_bench coverage [MODEL]             each scene: share within 1 sd, beyond 5 sd, median sd / rms, GOOD
+//   consistency_bench costs [MODEL]                ns per sample of parity, joint domain and latency
 //   consistency_bench scenes [NAME]                the same for the scenes with an [[expect]], and without parity
 //   consistency_bench damaged FIRST COUNT [MODEL]  the damaged scenes with COUNT seeds from FIRST on: GOOD and beyond 5 sd
 //   consistency_bench alarms HOURS [MODEL]         clean use with a load that wanders: samples that are not GOOD, by reason
@@ -36,8 +37,8 @@ using namespace tactiled;
 using namespace tactiled::ctl;
 
 void coverage(const std::vector<Contest>& contests) {
-    fmt::print("{:<30} {:>10} {:>9} {:>8} {:>9} {:>9} {:>9}\n", "method, scene", "GOOD %", "no parity", "in 1 sd",
-               "over 5 sd", "sd / rms", "samples");
+    fmt::print("{:<30} {:>10} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9}\n", "method, scene", "GOOD %", "no parity", "in 1 sd",
+               "over 5 sd", "sd / rms", "together", "samples");
     for (const Contest& contest : contests)
         for (const Candidate& candidate : contest.candidates)
             for (const Trial& trial : contest.trials) {
@@ -48,10 +49,10 @@ void coverage(const std::vector<Contest>& contests) {
                 Course other(without, trial.delay_s);
                 other.judge(trial.rows);
                 const Shares s = course.shares(), o = other.shares();
-                fmt::print("{:<30} {:>10.2f} {:>9.2f} {:>8.1f} {:>9.2f} {:>9.2f} {:>9}\n",
+                fmt::print("{:<30} {:>10.2f} {:>9.2f} {:>8.1f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9}\n",
                            fmt::format("{}/{} {}", contest.model, candidate.name, trial.kind), percent(s.good, s.samples),
                            percent(o.good, o.samples), percent(s.within, s.values), percent(s.undetected, s.good),
-                           s.sharpness, s.samples);
+                           s.sharpness, s.sharpness_together, s.samples);
             }
 }
 
@@ -224,13 +225,13 @@ void damage(const std::string& fit_file, const std::string& judge_file, const st
 
 int main(int argc, char** argv) {
     const std::string what = argc > 1 ? argv[1] : "";
-    const int numbers = what == "damaged" || what == "damage"    ? 2
-                        : what == "alarms"                       ? 1
-                        : what == "coverage" || what == "scenes" ? 0
-                                                                 : -1;
+    const int numbers = what == "damaged" || what == "damage"                       ? 2
+                        : what == "alarms"                                          ? 1
+                        : what == "coverage" || what == "costs" || what == "scenes" ? 0
+                                                                                    : -1;
     if (numbers < 0 || argc < 2 + numbers) {
         fmt::print(stderr,
-                   "usage: consistency_bench coverage|scenes|damaged FIRST COUNT|alarms HOURS [MODEL]\n"
+                   "usage: consistency_bench coverage|costs|scenes|damaged FIRST COUNT|alarms HOURS [MODEL]\n"
                    "       consistency_bench damage FIT.csv JUDGE.csv [METHODS]\n");
         return 2;
     }
@@ -247,6 +248,7 @@ int main(int argc, char** argv) {
         const std::vector<Contest> contests = all_contests(
             folder, [](double) {}, model);
         if (what == "coverage") coverage(contests);
+        if (what == "costs") print_costs(contests);
         if (what == "damaged")
             damaged(folder, contests, std::strtoull(argv[2], nullptr, 10), std::strtoull(argv[3], nullptr, 10));
         if (what == "alarms") alarms(folder, contests, std::strtod(argv[2], nullptr));
