@@ -128,6 +128,7 @@ void read_parity(Options& file, Calibration& calibration) {
     parity.scale = table.numbers("scale", {1e-300, 1e300}, each);
     parity.coefficients = table.rows("coefficients");
     parity.sd = table.numbers("sd", kNotNegative, each);
+    parity.false_alarms = table.number("false_alarms", {0, 1}, 0);
     if (n != 0 && parity.coefficients.size() != n)
         table.problem("coefficients",
                       fmt::format("coefficients has {} rows for {} channels", parity.coefficients.size(), n));
@@ -187,7 +188,9 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
     const Count each = n_rows == 0 ? Count{} : Count{n_rows, n_rows};
     fit.sd = file.numbers("sd", kNotNegative, each);
     fit.sd_slope = file.numbers("sd_slope", kNotNegative, each);
+    fit.sd_unloading = file.numbers("sd_unloading", kNotNegative, each);
     fit.held_out_rms = file.numbers("held_out_rms", kNotNegative, each);
+    fit.parity_harmless = file.numbers("parity_harmless", kNotNegative, n == 0 ? Count{} : Count{n, n});
     fit.sd_without = file.rows("sd_without");
     if (!fit.sd_without.empty() && n != 0 && fit.sd_without.size() != n)
         file.problem("sd_without", fmt::format("sd_without has {} rows for {} channels", fit.sd_without.size(), n));

@@ -25,11 +25,16 @@ struct Fit {
     // Per component, from errors on held-out data, N or Nm; empty = unknown. At least 68 % of them are below
     // hypot(sd, sd_slope * |component|), 95 % below 1.96 times and 99 % below 2.58 times that.
     std::vector<double> sd, sd_slope;
+    // Per component, N or Nm: with it the standard deviation is hypot(the above, sd_unloading (peak - load)), with the load
+    // as a part of full scale and its peak since the last rest (decoupling/unloading.hpp); empty = 0.
+    std::vector<double> sd_unloading;
     // Per component: root mean square error on held-out rows, N or Nm; empty = unknown.
     std::vector<double> held_out_rms;
     // Error with one channel replaced by its prediction (Parity): a row a channel, a column a component, N or Nm; empty =
     // unknown.
     std::vector<std::vector<double>> sd_without;
+    // Per channel: the residual of its prediction (Parity) that shifts some component by its sd, channel_unit; empty = 0.
+    std::vector<double> parity_harmless;
     double condition = 0;    // condition number of the scaled problem that was solved; 0 = unknown
     std::string validation;  // groups that were held out: "leave one session out (2 sessions)" ...
 };
@@ -67,6 +72,7 @@ struct Parity {
     std::vector<std::vector<double>> coefficients;  // a row a channel, in channel_unit
     std::vector<double>
         sd;  // a channel: of its residual, channel_unit; 0 = is not checked. Empty = the calibration has none
+    double false_alarms = 0;  // share of the held-out rows in which the alarm is raised, 0 .. 1
 };
 
 // Its own Fit, and those of other methods of the same model, for the same channels and components.

@@ -56,8 +56,10 @@ public:
         if (!fit.matrix.empty()) rows("matrix", fit.matrix);
         numbers("sd", fit.sd);
         numbers("sd_slope", fit.sd_slope);
+        numbers("sd_unloading", fit.sd_unloading);
         numbers("held_out_rms", fit.held_out_rms);
         if (!fit.sd_without.empty()) rows("sd_without", fit.sd_without);
+        numbers("parity_harmless", fit.parity_harmless);
         line("condition", toml_number(fit.condition));
         text("validation", fit.validation);
         for (const auto& [name, value] : fit.parameters) line("parameters." + toml_key(name), toml_number(value));
@@ -94,6 +96,7 @@ std::string calibration_text(const Calibration& calibration) {
         out.numbers("parity.scale", parity.scale);
         out.rows("parity.coefficients", parity.coefficients);
         out.numbers("parity.sd", parity.sd);
+        out.line("parity.false_alarms", toml_number(parity.false_alarms));
     }
     if (const Temperature& temperature = calibration.temperature; !temperature.zero_per_K.empty()) {
         out.line("temperature.reference_C", toml_number(temperature.reference_C));

@@ -9,6 +9,7 @@
 #include "decoupling/method.hpp"
 #include "decoupling/parity.hpp"
 #include "decoupling/temperature.hpp"
+#include "decoupling/unloading.hpp"
 
 namespace tactiled {
 namespace {
@@ -26,7 +27,9 @@ Calibration fit_for(const Calibration& calibration, const MethodEntry& method) {
     if (!fitted && calibration.method != method.sd_of) {
         one.sd.clear();
         one.sd_slope.clear();
+        one.sd_unloading.clear();
         one.sd_without.clear();
+        one.parity_harmless.clear();
     }
     return one;
 }
@@ -74,8 +77,9 @@ std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const 
     auto decoupler = make_method(*method, fit_for(calibration, *method), text);
     if (decoupler == nullptr) return refuse("calibration", fmt::format("{}: method {}: {}", calibration.path, name, text));
     // A channel that is replaced by its prediction is judged by the joint domain as it is then.
+    const Calibration fitted = fit_for(calibration, *method);
     return with_temperature(
-        calibration, with_parity(fit_for(calibration, *method), with_joint_domain(calibration, std::move(decoupler))));
+        calibration, with_parity(fitted, with_joint_domain(calibration, with_unloading(fitted, std::move(decoupler)))));
 }
 
 std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const std::string& method, double budget_us) {

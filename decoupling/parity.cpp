@@ -14,11 +14,10 @@
 namespace tactiled {
 namespace {
 
-constexpr double kLimit = 4;   // standard deviations
-constexpr double kSkew = 0.5;  // share of the motion over the last samples that counts as a standard deviation
-constexpr int kOn = 5, kOf = 10, kOff = 400;  // samples
-constexpr int kTests = 3;                     // tests of each channel before one is named
-constexpr std::size_t kPast = 3;              // readings; with the present one four
+constexpr double kSkew = 0.5;     // share of the motion over the last samples that counts as a standard deviation
+constexpr int kOff = 400;         // samples
+constexpr int kTests = 3;         // tests of each channel before one is named
+constexpr std::size_t kPast = 3;  // readings; with the present one four
 
 class ParityChecked final : public Decoupler {
 public:
@@ -37,7 +36,9 @@ public:
             for (std::size_t i = 0; i < calibration.components.size() && k < calibration.sd_without.size(); ++i)
                 for (std::size_t c = 0; c < kComponentNames.size(); ++c)
                     if (calibration.components[i] == kComponentNames[c]) sd_without_[k][c] = calibration.sd_without[k][i];
+            if (k < calibration.parity_harmless.size()) harmless_[k] = calibration.parity_harmless[k];
         }
+        set_domain(calibration.joint_domain);
         for (auto& past : past_) past.resize(2 * n_);
     }
 
@@ -50,15 +51,17 @@ public:
         for (std::size_t k = 0; k < n_; ++k) x[k] = reading.channel[k];
         predict(x, prediction);
         follow_motion(reading.t_ns, x, prediction, motion);
-        // Beyond the calibrated ranges the predictions hold no better than the method, which says so itself.
-        if (is_within_range(x)) {
-            const std::uint32_t off = disagreeing(x, prediction, motion, kLimit);
+        // A prediction from inputs that the calibration did not see holds no better than the method, which says so itself.
+        const std::uint32_t judged = judged_channels(x);
+        std::uint32_t off = 0;
+        if (judged != 0) {
+            off = disagreeing(x, prediction, motion, judged);
             follow_alarm(off != 0);
             if (is_alarmed_ && off != 0) look_for_damage(x, prediction, motion);
         }
         if (!is_alarmed_) [[likely]]
             return inner_->decouple(reading);
-        return doubtful_estimate(reading, x, prediction);
+        return doubtful_estimate(reading, x, prediction, off != 0);
     }
 
     void forget() noexcept override {
@@ -66,17 +69,43 @@ public:
         inner_->forget();
     }
     void set_delay(double delay_s) noexcept override {
-        spacing_ns_ = std::uint64_t(delay_s / double(kPast) * 1e9);
+        // Channels may be converted one after the other: the oldest is then twice as old as the mean.
+        spacing_ns_ = std::uint64_t(2 * delay_s / double(kPast) * 1e9);
         inner_->set_delay(delay_s);
     }
     [[nodiscard]] std::string_view method() const noexcept override { return inner_->method(); }
 
 private:
-    [[nodiscard]] bool is_within_range(const double* x) const noexcept {
-        bool within = true;
+    void set_domain(const JointDomain& domain) {
+        if (domain.limit == 0) return;
+        limit_squared_ = domain.limit * domain.limit;
+        mean_ = domain.mean;
+        precision_.assign(n_ * n_, 0);
+        for (std::size_t i = 0; i < n_; ++i)
+            for (std::size_t k = 0; k <= i; ++k)
+                for (std::size_t j = 0; j <= i; ++j)
+                    precision_[k * n_ + j] += domain.whitening[i][k] * domain.whitening[i][j];
+    }
+
+    // Bit k: the other channels lie within the calibrated ranges, and jointly within the joint domain. With the inverse C^-1
+    // of the covariance and w = C^-1 (x - mean), their squared distance is that of all channels less w_k^2 / (C^-1)_kk.
+    [[nodiscard]] std::uint32_t judged_channels(const double* x) const noexcept {
+        std::uint32_t beyond = 0;
         for (std::size_t k = 0; k < n_; ++k)
-            within &= std::abs(x[k] - parity_.centre[k]) <= (1 + 2 * kDomainMargin) * parity_.scale[k];
-        return within;
+            beyond |= std::abs(x[k] - parity_.centre[k]) <= (1 + 2 * kDomainMargin) * parity_.scale[k] ? 0 : 1u << k;
+        if (precision_.empty()) return beyond == 0 ? checked_ : std::has_single_bit(beyond) ? checked_ & beyond : 0;
+        double w[kMaxChannels]{}, squared = 0;
+        for (std::size_t k = 0; k < n_; ++k) {
+            const double from_mean = x[k] - mean_[k], *const row = &precision_[k * n_];
+            for (std::size_t i = 0; i < n_; ++i) w[i] += row[i] * from_mean;
+        }
+        for (std::size_t k = 0; k < n_; ++k) squared += w[k] * (x[k] - mean_[k]);
+        std::uint32_t judged = 0;
+        for (std::size_t k = 0; k < n_; ++k) {
+            const double others = squared - w[k] * w[k] / precision_[k * n_ + k];
+            judged |= others <= limit_squared_ && (beyond & ~(1u << k)) == 0 ? 1u << k : 0;
+        }
+        return judged & checked_;
     }
 
     void predict(const double* x, double* prediction) const noexcept {
@@ -89,7 +118,7 @@ private:
         for (std::size_t k = 0; k < n_; ++k) prediction[k] = sum[k];
     }
 
-    // The motion of each channel and of its prediction over the last samples, or over the delay of the chain.
+    // The motion of each channel and of its prediction over the last samples, or over twice the delay of the chain.
     void follow_motion(std::uint64_t t_ns, const double* x, const double* prediction, double* motion) noexcept {
         for (std::size_t k = 0; k < n_; ++k) {
             double min = x[k], max = x[k], min_p = prediction[k], max_p = prediction[k];
@@ -109,21 +138,24 @@ private:
         n_past_ = std::min(n_past_ + 1, kPast);
     }
 
-    // Bit k: channel k is checked, and off by more than `limit` standard deviations. False for a NaN.
+    // Bit k: channel k is one of `judged`, and off by more than the limit and by more than what is harmless. False for a
+    // NaN.
     [[nodiscard]] std::uint32_t disagreeing(const double* x, const double* prediction, const double* motion,
-                                            double limit) const noexcept {
+                                            std::uint32_t judged) const noexcept {
         std::uint32_t off = 0;
         for (std::size_t k = 0; k < n_; ++k) {
             const double error = x[k] - prediction[k], moved = kSkew * motion[k], sd = parity_.sd[k];
-            off |= error * error > limit * limit * (sd * sd + moved * moved) ? 1u << k : 0;
+            const double limit =
+                std::max(kParityLimit * kParityLimit * (sd * sd + moved * moved), harmless_[k] * harmless_[k]);
+            off |= error * error > limit ? 1u << k : 0;
         }
-        return off & checked_;
+        return off & judged;
     }
 
     void follow_alarm(bool off) noexcept {
-        recent_ = (recent_ << 1 | (off ? 1u : 0u)) & ((1u << kOf) - 1);
+        const bool raises = parity_alarm(recent_, off);
         agreeing_ = off ? 0 : std::min(agreeing_ + 1, kOff);
-        if (!is_alarmed_ && std::popcount(recent_) >= kOn) {
+        if (!is_alarmed_ && raises) {
             is_alarmed_ = true;
             cleared_ = 0;
             tests_ = 0;
@@ -144,15 +176,29 @@ private:
             std::copy_n(x, n_, replaced);
             replaced[k] = prediction[k];
             predict(replaced, again);
-            explains = (disagreeing(replaced, again, motion, kLimit) & ~(1u << k)) == 0;
+            explains = (disagreeing(replaced, again, motion, checked_) & ~(1u << k)) == 0;
         }
         if (!explains) cleared_ |= 1u << k;
     }
 
-    [[nodiscard]] Estimate doubtful_estimate(const Reading& reading, double* x, const double* prediction) noexcept {
+    // How many standard deviations the damage of one of `suspects`, which cannot be distinguished, shifts a component at
+    // most: the residual relative to the one that shifts it by one. NaN if that is not known, or if there is no suspect.
+    [[nodiscard]] double shift(std::uint32_t suspects, const double* x, const double* prediction) const noexcept {
+        double greatest = suspects == 0 ? kNaN : 0;
+        for (std::size_t k = 0; k < n_; ++k)
+            if ((suspects >> k & 1u) != 0)
+                greatest = harmless_[k] > 0 ? std::max(greatest, std::abs(x[k] - prediction[k]) / harmless_[k]) : kNaN;
+        return greatest;
+    }
+
+    // Without a named channel a sample that agrees keeps its standard deviation, since the damage has no effect in it; the
+    // joint domain widens that of a sample that is not judged.
+    [[nodiscard]] Estimate doubtful_estimate(const Reading& reading, double* x, const double* prediction,
+                                             bool disagrees) noexcept {
         const std::uint32_t suspects = checked_ & ~cleared_;
         const bool is_named = tests_ >= kTests && std::popcount(suspects) == 1;
         const auto k = std::size_t(is_named ? std::countr_zero(suspects) : 0);
+        const double factor = is_named || !disagrees ? 1 : std::hypot(1, shift(suspects, x, prediction));
         Reading used = reading;
         if (is_named) {
             x[k] = prediction[k];
@@ -164,7 +210,7 @@ private:
         estimate.reasons |= TACTILED_DISAGREEMENT;
         bool is_known = false;
         for (std::size_t c = 0; c < estimate.sd.size(); ++c) {
-            estimate.sd[c] = is_named ? std::hypot(estimate.sd[c], sd_without_[k][c]) : kNaN;
+            estimate.sd[c] = is_named ? std::hypot(estimate.sd[c], sd_without_[k][c]) : factor * estimate.sd[c];
             is_known = is_known || std::isfinite(estimate.sd[c]);
         }
         if (!is_known) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
@@ -177,6 +223,9 @@ private:
     std::vector<double> coefficient_;  // [feature][channel]
     std::uint32_t checked_ = 0;        // bit k: channel k is predicted
     std::array<Wrench, kMaxChannels> sd_without_{};
+    std::array<double, kMaxChannels> harmless_{};
+    double limit_squared_ = 0;
+    std::vector<double> mean_, precision_;  // of the joint domain; precision: C^-1 by rows, empty = there is none
 
     std::array<std::vector<double>, kPast> past_;  // channels, then predictions
     std::size_t next_ = 0, n_past_ = 0;

@@ -247,14 +247,15 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     if (!remembers) {
         const std::vector<std::size_t> group_of_row = ways_to_hold_out(*labelled, rows, false).front().of_row;
         set_joint_domain(rows, group_of_row, calibration);
-        if (request.parity) set_parity(rows, group_of_row, calibration);
-        set_sd_without(rows, calibration);
+        if (request.parity) set_parity(rows, group_of_row, calibration, report.warnings);
+        set_parity_of_method(rows, calibration);
         for (Fit& other : calibration.others) {
             Calibration one = calibration;
             static_cast<Fit&>(one) = other;
             one.others.clear();
-            set_sd_without(rows, one);
+            set_parity_of_method(rows, one);
             other.sd_without = one.sd_without;
+            other.parity_harmless = one.parity_harmless;
         }
     }
     // The zero of the next mounting is another one, and the readings contain it until a tare.

@@ -1,5 +1,7 @@
 #include "decoupling/fit/parity_fit.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
@@ -21,6 +23,8 @@ constexpr double kRedundant = 0.05;  // greatest sd of a residual, as a part of 
 constexpr double kTail = 0.999, kTail_sd = 3.29;
 constexpr double kRidge = 1e-10;
 constexpr std::size_t kMaxChannelsOfOrder2 = 8;
+constexpr std::size_t kRowsOfShift = 100;  // rows in which the shift of the components is looked at
+constexpr double kMaxFalseAlarms = 0.01;   // share of held-out rows from which on a calibration gets no parity
 
 Eigen::MatrixXd features_of(const Rows& rows, const Parity& parity) {
     const std::size_t n = rows.front()->channel.size();
@@ -66,9 +70,28 @@ Eigen::MatrixXd coefficients_of(const Eigen::MatrixXd& features, const Eigen::Ma
     return coefficients;
 }
 
+constexpr std::size_t kNoGroup = std::size_t(-1);
+
+// Returns the standard deviation of residuals, rms or tail, without those of group `left_out`; NaN if there is none.
+double size_of(const Eigen::VectorXd& residual, const std::vector<std::size_t>& group_of_row, std::size_t left_out) {
+    std::vector<double> sizes;
+    double squares = 0;
+    for (Eigen::Index i = 0; i < residual.size(); ++i)
+        if (group_of_row[std::size_t(i)] != left_out && std::isfinite(residual[i])) {
+            sizes.push_back(std::abs(residual[i]));
+            squares += residual[i] * residual[i];
+        }
+    if (sizes.empty()) return kNaN;
+    const auto at = sizes.begin() + std::ptrdiff_t(kTail * double(sizes.size() - 1));
+    std::nth_element(sizes.begin(), at, sizes.end());
+    return std::max(std::sqrt(squares / double(sizes.size())), *at / kTail_sd);
+}
+
 struct HeldOutParity {
     Parity parity;
     double error = 0;  // held out, geometric mean over the channels of rms / range
+    // [row][channel]: held-out residual, and its limit with the standard deviations of the other groups; channel_unit
+    Eigen::MatrixXd residual, limit;
 };
 
 HeldOutParity fit_order(const Rows& rows, const std::vector<std::size_t>& group_of_row, const Calibration& calibration,
@@ -78,8 +101,9 @@ HeldOutParity fit_order(const Rows& rows, const std::vector<std::size_t>& group_
     Eigen::MatrixXd channel(features.rows(), Eigen::Index(n));
     for (Eigen::Index i = 0; i < channel.rows(); ++i)
         for (std::size_t k = 0; k < n; ++k) channel(i, Eigen::Index(k)) = rows[std::size_t(i)]->channel[k];
+    const std::set<std::size_t> groups(group_of_row.begin(), group_of_row.end());
     Eigen::MatrixXd residual = Eigen::MatrixXd::Constant(channel.rows(), channel.cols(), kNaN);
-    for (const std::size_t group : std::set<std::size_t>(group_of_row.begin(), group_of_row.end())) {
+    for (const std::size_t group : groups) {
         std::vector<Eigen::Index> seen, unseen;
         for (std::size_t i = 0; i < rows.size(); ++i) (group_of_row[i] == group ? unseen : seen).push_back(Eigen::Index(i));
         if (Eigen::Index(seen.size()) < features.cols()) continue;
@@ -90,39 +114,71 @@ HeldOutParity fit_order(const Rows& rows, const std::vector<std::size_t>& group_
     const Eigen::MatrixXd coefficients = coefficients_of(features, channel, parity.order);
     const std::vector<double> zero_sd = zeros_of(rows, calibration);
     HeldOutParity result;
+    result.limit = residual;
     for (std::size_t k = 0; k < n; ++k) {
-        std::vector<double> sizes;
-        double squares = 0;
-        for (Eigen::Index i = 0; i < residual.rows(); ++i)
-            if (const double error = residual(i, Eigen::Index(k)); std::isfinite(error)) {
-                sizes.push_back(std::abs(error));
-                squares += error * error;
-            }
-        if (sizes.empty()) return {};
-        const auto at = sizes.begin() + std::ptrdiff_t(kTail * double(sizes.size() - 1));
-        std::nth_element(sizes.begin(), at, sizes.end());
-        const double rms = std::sqrt(squares / double(sizes.size()));
         // Noise and drift of each channel, through the linear coefficients.
         double others = 0;
         for (std::size_t j = 0; j < n; ++j) {
             const double gain = j == k ? 1 : coefficients(Eigen::Index(1 + j), Eigen::Index(k)) / parity.scale[j];
             others += std::pow(gain * std::hypot(zero_sd[j], kNoise * 2 * parity.scale[j]), 2);
         }
-        const double sd = std::hypot(std::max(rms, *at / kTail_sd), std::sqrt(others));
+        const Eigen::VectorXd column = residual.col(Eigen::Index(k));
+        const double sd = std::hypot(size_of(column, group_of_row, kNoGroup), std::sqrt(others));
+        if (!std::isfinite(sd)) return {};
         parity.sd.push_back(sd <= kRedundant * 2 * parity.scale[k] ? sd : 0);
         parity.coefficients.emplace_back();
         for (Eigen::Index f = 0; f < coefficients.rows(); ++f)
             parity.coefficients.back().push_back(coefficients(f, Eigen::Index(k)));
         result.error += std::log(std::max(sd / (2 * parity.scale[k]), 1e-12)) / double(n);
+        for (const std::size_t group : groups) {
+            const double of_others = size_of(column, group_of_row, group);
+            const double limit = kParityLimit * std::hypot(std::isfinite(of_others) ? of_others : sd, std::sqrt(others));
+            for (std::size_t i = 0; i < rows.size(); ++i)
+                if (group_of_row[i] == group) result.limit(Eigen::Index(i), Eigen::Index(k)) = limit;
+        }
     }
     result.error = std::exp(result.error);
+    result.residual = residual;
     result.parity = std::move(parity);
+    return result;
+}
+
+// Returns for each channel the residual that shifts some component by its sd: rms over rows of a shift of kLimit sd of the
+// residual.
+std::vector<double> harmless_residuals(const Rows& rows, const Calibration& plain, const Parity& parity) {
+    std::vector<double> result(parity.sd.size());
+    if (plain.sd.empty()) return result;
+    const auto decoupler = make_decoupler(plain);
+    const std::size_t step = std::max<std::size_t>(1, rows.size() / kRowsOfShift);
+    for (std::size_t k = 0; k < result.size(); ++k) {
+        if (parity.sd[k] == 0) continue;
+        Wrench squares{};
+        double count = 0;
+        const double residual = kParityLimit * parity.sd[k];
+        for (std::size_t i = 0; i < rows.size(); i += step, ++count) {
+            std::vector<double> channel = rows[i]->channel;
+            const auto estimate = [&] {
+                decoupler->forget();
+                return decoupler->decouple({.channel = channel, .t_ns = rows[i]->t_ns});
+            };
+            const Estimate before = estimate();
+            channel[k] += residual;
+            const Estimate after = estimate();
+            for (std::size_t c = 0; c < squares.size(); ++c)
+                if (const double shift = (after.wrench_S[c] - before.wrench_S[c]) / before.sd[c]; std::isfinite(shift))
+                    squares[c] += shift * shift;
+        }
+        const double shift = std::sqrt(*std::max_element(squares.begin(), squares.end()) / count);
+        // A channel that moves no component: any residual within its range is harmless.
+        result[k] = std::min(2 * parity.scale[k], residual / std::max(shift, 1e-9));
+    }
     return result;
 }
 
 }  // namespace
 
-void set_parity(const Rows& rows, const std::vector<std::size_t>& group_of_row, Calibration& calibration) {
+void set_parity(const Rows& rows, const std::vector<std::size_t>& group_of_row, Calibration& calibration,
+                std::vector<std::string>& warnings) {
     calibration.parity = {};
     const std::size_t n = calibration.channels.size();
     if (n < 2 || rows.empty()) return;
@@ -146,16 +202,37 @@ void set_parity(const Rows& rows, const std::vector<std::size_t>& group_of_row, 
     }
     const auto& sd = best.parity.sd;
     if (std::all_of(sd.begin(), sd.end(), [](double each) { return each == 0; })) return;
+    Calibration plain = calibration;  // without the check
+    plain.joint_domain = {};
+    const std::vector<double> harmless = harmless_residuals(rows, plain, best.parity);
+    std::size_t off = 0;
+    std::uint32_t recent = 0;
+    for (Eigen::Index i = 0; i < best.residual.rows(); ++i) {
+        bool is_off = false;
+        for (std::size_t k = 0; k < n; ++k)
+            is_off = is_off || (sd[k] > 0 && std::abs(best.residual(i, Eigen::Index(k))) >
+                                                 std::max(best.limit(i, Eigen::Index(k)), harmless[k]));
+        off += parity_alarm(recent, is_off);
+    }
+    best.parity.false_alarms = double(off) / double(rows.size());
+    if (best.parity.false_alarms > kMaxFalseAlarms) {
+        warnings.push_back(fmt::format(
+            "no parity: {:.1f} % of the held-out rows raise an alarm, since channels disagree with their predictions",
+            100 * best.parity.false_alarms));
+        return;
+    }
     calibration.parity = std::move(best.parity);
 }
 
-void set_sd_without(const Rows& rows, Calibration& calibration) {
+void set_parity_of_method(const Rows& rows, Calibration& calibration) {
     calibration.sd_without.clear();
+    calibration.parity_harmless.clear();
     const Parity& parity = calibration.parity;
     if (parity.sd.empty()) return;
     Calibration plain = calibration;  // without the check
     plain.parity = {};
     plain.joint_domain = {};
+    calibration.parity_harmless = harmless_residuals(rows, plain, parity);
     for (std::size_t k = 0; k < parity.sd.size(); ++k) {
         const auto decoupler = make_decoupler(plain);
         std::vector<double> squares(calibration.components.size()), count(calibration.components.size());

@@ -9,11 +9,14 @@ namespace tactiled {
 
 // Sets `calibration.parity`: each channel as a linear function of the others, or a quadratic one where that lowers the error
 // on rows of held-out groups to less than 0.7. A channel is not checked where kLimit standard deviations of that error are
-// more than a fifth of its range. Left empty where no channel can be checked, or where the rows are too few. setup
-void set_parity(const Rows& rows, const std::vector<std::size_t>& group_of_row, Calibration& calibration);
+// more than a fifth of its range. Left empty where no channel can be checked, where the rows are too few, or where more than
+// 1 % of the held-out rows, judged with the standard deviations of the other groups and in their order, raise the alarm;
+// only the last adds a warning. setup
+void set_parity(const Rows& rows, const std::vector<std::size_t>& group_of_row, Calibration& calibration,
+                std::vector<std::string>& warnings);
 
-// Sets `calibration.sd_without`: the error of its own method with one channel replaced by its prediction, rms over the rows.
-// setup
-void set_sd_without(const Rows& rows, Calibration& calibration);
+// Sets what the check needs of the calibration's own method: `parity_harmless`, and `sd_without`, the error with one channel
+// replaced by its prediction, rms over the rows. setup
+void set_parity_of_method(const Rows& rows, Calibration& calibration);
 
 }  // namespace tactiled

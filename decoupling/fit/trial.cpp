@@ -50,7 +50,7 @@ void validate(const Labelled& labelled, const Rows& rows, const ZeroDrift& drift
     if (method.remembers) set_domain(rows, start);
     trial.validation = hold_out(labelled, rows, method, start, drift, trial.warnings);
     calibration.validation = trial.validation.how;
-    set_uncertainty(trial.validation, calibration);
+    set_uncertainty(trial.validation, calibration, !method.remembers);
     // A search may have a larger error on all rows than on parts of them (mlp, by up to 1.6): the held-out errors
     // then describe other calibrations than this one.
     const Wrench own = rms_error(calibration, rows);
@@ -59,6 +59,7 @@ void validate(const Labelled& labelled, const Rows& rows, const ZeroDrift& drift
         if (!(own[c] > trial.validation.rms[c]) || !(trial.validation.rms[c] > 0)) continue;
         calibration.sd[i] *= own[c] / trial.validation.rms[c];
         if (!calibration.sd_slope.empty()) calibration.sd_slope[i] *= own[c] / trial.validation.rms[c];
+        if (!calibration.sd_unloading.empty()) calibration.sd_unloading[i] *= own[c] / trial.validation.rms[c];
     }
     for (const auto& component : report.components)
         trial.about.held_out_rms.push_back(trial.validation.rms[component_index(component.name)]);

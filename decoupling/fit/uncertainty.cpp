@@ -9,6 +9,7 @@
 #include "decoupling/fit/groups.hpp"
 #include "decoupling/fit/validate.hpp"
 #include "decoupling/solve/domain.hpp"
+#include "decoupling/unloading.hpp"
 
 namespace tactiled {
 namespace {
@@ -22,38 +23,65 @@ struct Tail {
 };
 constexpr Tail kTails[] = {{kWithinOne, 1, 8}, {0.95, 1.96, 40}, {0.99, 2.576, 200}};
 constexpr std::size_t kRowsOfAGroup = 10;  // number of rows from which on the root mean square of a group counts
-// Slopes of an error that grows with the load: its standard deviation is s hypot(1, slope |estimate| / full scale).
+// Slopes of an error that grows with the load, and with the distance from the greatest load since the last rest: its
+// standard deviation is s sqrt(1 + (slope |estimate| / full scale)^2 + (unloading (peak - load))^2).
 constexpr double kSlopes[] = {0, 0.5, 1, 2, 4, 8, 16, 32};
+constexpr double kUnloadings[] = {0, 0.5, 1, 2, 4, 8};
+// Unloading counts if it makes the standard deviations this much smaller: less may be chance.
+constexpr double kWorth = 0.95;
 
 struct Error {
-    double share;  // |estimate| / full scale
+    double share;       // |estimate| / full scale
+    double below_peak;  // peak of the load since the last rest less the load, 0 .. 1
     double size;
     std::size_t group;
 };
 
-double shape(const Error& error, double slope) { return std::hypot(1, slope * error.share); }
+struct Shape {
+    double slope = 0, unloading = 0;
+};
 
-// Returns, for a slope, the value of s that has `tail.share` of the errors within `tail.sds` standard deviations.
-double scale_for(const std::vector<Error>& errors, double slope, const Tail& tail) {
+double size(const Error& error, const Shape& shape) {
+    return std::sqrt(1 + std::pow(shape.slope * error.share, 2) + std::pow(shape.unloading * error.below_peak, 2));
+}
+
+// Returns, for a shape, the value of s that has `tail.share` of the errors within `tail.sds` standard deviations.
+double scale_for(const std::vector<Error>& errors, const Shape& shape, const Tail& tail) {
     std::vector<double> ratio;
-    for (const Error& error : errors) ratio.push_back(error.size / shape(error, slope));
+    for (const Error& error : errors) ratio.push_back(error.size / size(error, shape));
     const auto at = std::min(ratio.size() - 1, std::size_t(std::ceil(tail.share * double(ratio.size()))));
     std::nth_element(ratio.begin(), ratio.begin() + std::ptrdiff_t(at), ratio.end());
     return ratio[at] / tail.sds;
 }
 
 // Returns the root mean square of the errors of the group in which it is largest, in units of their shape.
-double worst_group(const std::vector<Error>& errors, double slope) {
+double worst_group(const std::vector<Error>& errors, const Shape& shape) {
     std::map<std::size_t, std::pair<double, std::size_t>> squares;
     for (const Error& error : errors) {
         auto& [sum, n] = squares[error.group];
-        sum += std::pow(error.size / shape(error, slope), 2);
+        sum += std::pow(error.size / size(error, shape), 2);
         ++n;
     }
     double worst = 0;
     for (const auto& [group, sum] : squares)
         if (sum.second >= kRowsOfAGroup) worst = std::max(worst, std::sqrt(sum.first / double(sum.second)));
     return worst;
+}
+
+// Returns for each held-out row the distance of its load from the peak since the last rest, from the labels of all rows.
+// A session begins after a rest.
+std::map<const LabelledRow*, double> below_peak(const std::vector<HeldOut>& held_out, const Calibration& calibration) {
+    std::vector<const LabelledRow*> rows;
+    for (const HeldOut& one : held_out) rows.push_back(one.row);
+    std::sort(rows.begin(), rows.end(), [](const LabelledRow* a, const LabelledRow* b) { return a->line < b->line; });
+    std::map<std::size_t, LoadPeak> of_session;
+    std::map<const LabelledRow*, double> result;
+    for (const LabelledRow* row : rows) {
+        const double load = load_of(row->wrench_S, calibration);
+        LoadPeak& peak = of_session.try_emplace(row->session, LoadPeak::rested()).first->second;
+        result[row] = peak.next(load, row->t_ns);
+    }
+    return result;
 }
 
 // Student's quantile over the normal one, at one standard deviation: the series of Fisher and Cornish, three terms.
@@ -72,39 +100,50 @@ double freedom_of(const Validation& validation, std::size_t c, const Calibration
 
 }  // namespace
 
-void set_uncertainty(const Validation& validation, Calibration& calibration) {
+void set_uncertainty(const Validation& validation, Calibration& calibration, bool takes_unloading) {
     const std::vector<HeldOut>& rows = validation.drifted.empty() ? validation.rows : validation.drifted;
-    calibration.sd.clear();
-    calibration.sd_slope.clear();
+    const auto clear = [&] {
+        calibration.sd.clear();
+        calibration.sd_slope.clear();
+        calibration.sd_unloading.clear();
+    };
+    clear();
+    const auto distance = below_peak(validation.rows, calibration);
     for (std::size_t i = 0; i < calibration.components.size(); ++i) {
         const std::size_t c = component_index(calibration.components[i]);
         const double full_scale = calibration.full_scale[i];
         std::vector<Error> errors;
         for (std::size_t k = 0; k < rows.size(); ++k)
             if (const double error = rows[k].estimated_S[c] - rows[k].row->wrench_S[c]; std::isfinite(error))
-                errors.push_back({std::abs(rows[k].estimated_S[c]) / full_scale, std::abs(error), validation.group[k]});
-        if (errors.size() < kTails[0].errors) {
-            calibration.sd.clear();
-            calibration.sd_slope.clear();
-            return;
-        }
-        // The slope with the smallest valid standard deviations, in the geometric mean over the rows.
-        double slope = 0, scale = 0, min = std::numeric_limits<double>::infinity();
-        for (const double other : kSlopes) {
-            double needed = validation.by_sessions ? worst_group(errors, other) : 0, log_shape = 0;
-            for (const Tail& tail : kTails)
-                if (errors.size() >= tail.errors) needed = std::max(needed, scale_for(errors, other, tail));
-            for (const Error& error : errors) log_shape += std::log(shape(error, other)) / double(errors.size());
-            if (const double mean = needed * std::exp(log_shape); mean < min) {
-                min = mean;
-                slope = other;
-                scale = needed;
+                errors.push_back({std::abs(rows[k].estimated_S[c]) / full_scale, distance.at(validation.rows[k].row),
+                                  std::abs(error), validation.group[k]});
+        if (errors.size() < kTails[0].errors) return clear();
+        // The shape with the smallest valid standard deviations, in the geometric mean over the rows.
+        Shape best;
+        double scale = 0, min = std::numeric_limits<double>::infinity();
+        for (const double unloading : kUnloadings) {
+            if (unloading > 0 && !takes_unloading) break;
+            const double needed_gain = unloading > 0 && best.unloading == 0 ? kWorth : 1;
+            for (const double slope : kSlopes) {
+                const Shape other{slope, unloading};
+                double needed = validation.by_sessions ? worst_group(errors, other) : 0, log_size = 0;
+                for (const Tail& tail : kTails)
+                    if (errors.size() >= tail.errors) needed = std::max(needed, scale_for(errors, other, tail));
+                for (const Error& error : errors) log_size += std::log(size(error, other)) / double(errors.size());
+                if (const double mean = needed * std::exp(log_size); mean < needed_gain * min) {
+                    min = mean;
+                    best = other;
+                    scale = needed;
+                }
             }
         }
         scale *= student(freedom_of(validation, c, calibration));
         calibration.sd.push_back(scale);
-        calibration.sd_slope.push_back(scale * slope / full_scale);
+        calibration.sd_slope.push_back(scale * best.slope / full_scale);
+        calibration.sd_unloading.push_back(scale * best.unloading);
     }
+    const auto& unloading = calibration.sd_unloading;
+    if (std::all_of(unloading.begin(), unloading.end(), [](double sd) { return sd == 0; })) calibration.sd_unloading.clear();
 }
 
 }  // namespace tactiled

@@ -2,6 +2,8 @@
 // `tactilectl tradeoff`, through the Decoupler and the latency of the loop.
 //
 //   consistency_bench coverage [MODEL]             each scene: share within 1 sd, beyond 5 sd, median sd / rms, GOOD
+//   consistency_bench costs [MODEL]                ns per sample of parity, joint domain and latency
+//   consistency_bench scenes [NAME]                the same for the scenes with an [[expect]], and without parity
 //   consistency_bench damaged FIRST COUNT [MODEL]  the damaged scenes with COUNT seeds from FIRST on: GOOD and beyond 5 sd
 //   consistency_bench alarms HOURS [MODEL]         clean use with a load that wanders: samples that are not GOOD, by reason
 //   consistency_bench damage FIT.csv JUDGE.csv     a recording: one channel after the other damaged while the rows of JUDGE
@@ -24,9 +26,8 @@
 #include <string>
 #include <vector>
 
+#include "consistency.hpp"
 #include "decoupling/fit/fit.hpp"
-#include "decoupling/latency.hpp"
-#include "decoupling/solve/domain.hpp"
 #include "node/lab/tradeoff.hpp"
 
 namespace {
@@ -35,108 +36,23 @@ namespace fs = std::filesystem;
 using namespace tactiled;
 using namespace tactiled::ctl;
 
-struct Shares {
-    std::size_t samples = 0, good = 0, undetected = 0;  // GOOD and off by more than 5 sd in some component
-    std::size_t values = 0, within = 0, beyond = 0;     // components of GOOD samples: 1 sd, 5 sd
-    double sharpness = 0;                               // the largest median sd / rms of a component
-    std::map<std::uint32_t, std::size_t> reasons;
-};
-
-struct Errors {
-    std::vector<float> sd;
-    double squares = 0;
-};
-
-class Course {
-public:
-    Course(const Candidate& candidate, double delay_s) : candidate_(candidate), decoupler_(candidate.make()) {
-        decoupler_->set_delay(delay_s);
-        latency_.set_delay(delay_s);
-    }
-    // Tares on the second half of the rest before the first load.
-    void judge(const Labelled& rows) {
-        std::vector<double> storage;
-        const auto readings = readings_of(candidate_, rows, storage);
-        const std::size_t begin = is_tared_ ? 0 : first_load(rows);
-        std::size_t at_rest = 0;
-        Wrench sum{};
-        for (std::size_t i = 0; i < readings.size(); ++i) {
-            Estimate e = decoupler_->decouple(readings[i]);
-            if (e.quality == TACTILED_BAD)
-                latency_.forget();
-            else
-                latency_.widen(e.wrench_S, readings[i].t_ns, e.sd);
-            if (i < begin) {
-                if (i < begin / 2 || e.quality == TACTILED_BAD) continue;
-                ++at_rest;
-                for (std::size_t c = 0; c < 6; ++c) sum[c] += std::isfinite(e.wrench_S[c]) ? e.wrench_S[c] : 0;
-                continue;
-            }
-            if (i == begin && at_rest > 0)
-                for (std::size_t c = 0; c < 6; ++c) zero_[c] = sum[c] / double(at_rest);
-            take(e, rows.rows[i]);
-        }
-        is_tared_ = true;
-    }
-    Shares shares() {
-        for (const std::string& name : candidate_.calibration.components) {
-            Errors& errors = errors_[component_index(name)];
-            if (errors.sd.empty()) continue;
-            const auto middle = errors.sd.begin() + std::ptrdiff_t(errors.sd.size() / 2);
-            std::nth_element(errors.sd.begin(), middle, errors.sd.end());
-            const double rms = std::sqrt(errors.squares / double(errors.sd.size()));
-            shares_.sharpness = std::max(shares_.sharpness, double(*middle) / rms);
-        }
-        return shares_;
-    }
-
-private:
-    void take(const Estimate& e, const LabelledRow& row) {
-        ++shares_.samples;
-        ++shares_.reasons[e.quality == TACTILED_GOOD ? 0 : e.reasons];
-        if (e.quality != TACTILED_GOOD) return;
-        ++shares_.good;
-        bool undetected = false;
-        for (const std::string& name : candidate_.calibration.components) {
-            const std::size_t c = component_index(name);
-            const double error = e.wrench_S[c] - zero_[c] - row.wrench_S[c];
-            if (!std::isfinite(error)) continue;
-            ++shares_.values;
-            shares_.within += std::abs(error) <= e.sd[c];
-            const bool beyond = std::abs(error) > 5 * e.sd[c];
-            shares_.beyond += beyond;
-            undetected = undetected || beyond;
-            errors_[c].sd.push_back(float(e.sd[c]));
-            errors_[c].squares += error * error;
-        }
-        shares_.undetected += undetected;
-    }
-
-    const Candidate& candidate_;
-    std::unique_ptr<Decoupler> decoupler_;
-    Latency latency_;
-    Wrench zero_{};
-    bool is_tared_ = false;
-    std::array<Errors, 6> errors_;
-    Shares shares_;
-};
-
-double percent(std::size_t part, std::size_t whole) {
-    return whole == 0 ? std::nan("") : 100 * double(part) / double(whole);
-}
-
 void coverage(const std::vector<Contest>& contests) {
-    fmt::print("{:<30} {:>10} {:>8} {:>9} {:>9} {:>9}\n", "method, scene", "GOOD %", "in 1 sd", "over 5 sd", "sd / rms",
-               "samples");
+    fmt::print("{:<30} {:>10} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9}\n", "method, scene", "GOOD %", "no parity", "in 1 sd",
+               "over 5 sd", "sd / rms", "together", "samples");
     for (const Contest& contest : contests)
         for (const Candidate& candidate : contest.candidates)
             for (const Trial& trial : contest.trials) {
                 Course course(candidate, trial.delay_s);
                 course.judge(trial.rows);
-                const Shares s = course.shares();
-                fmt::print("{:<30} {:>10.1f} {:>8.1f} {:>9.2f} {:>9.2f} {:>9}\n",
+                Candidate without = candidate;
+                without.calibration.parity = {};
+                Course other(without, trial.delay_s);
+                other.judge(trial.rows);
+                const Shares s = course.shares(), o = other.shares();
+                fmt::print("{:<30} {:>10.2f} {:>9.2f} {:>8.1f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9}\n",
                            fmt::format("{}/{} {}", contest.model, candidate.name, trial.kind), percent(s.good, s.samples),
-                           percent(s.within, s.values), percent(s.undetected, s.good), s.sharpness, s.samples);
+                           percent(o.good, o.samples), percent(s.within, s.values), percent(s.undetected, s.good),
+                           s.sharpness, s.sharpness_together, s.samples);
             }
 }
 
@@ -285,8 +201,14 @@ void damage(const std::string& fit_file, const std::string& judge_file, const st
         {"exchanged", [&](auto& channel, std::size_t k) { std::swap(channel[pairs[k].first], channel[pairs[k].second]); }}};
     std::stringstream names(methods.empty() ? "matrix,quadratic,rbf,mlp" : methods);
     for (std::string method; std::getline(names, method, ',');) {
-        const Calibration calibration =
-            fit(seen, {.model = "generic", .method = method, .serial = "", .date = "", .parity = true}).calibration;
+        const FitReport report = fit(seen, {.model = "generic", .method = method, .serial = "", .date = ""});
+        const Calibration& calibration = report.calibration;
+        for (const std::string& warning : report.warnings) fmt::print("{}: {}\n", method, warning);
+        fmt::print("{}: sd of unloading, of full scale:", method);
+        for (std::size_t i = 0; i < calibration.sd_unloading.size(); ++i)
+            fmt::print(" {:.4f} beside {:.4f}", calibration.sd_unloading[i] / calibration.full_scale[i],
+                       calibration.sd[i] / calibration.full_scale[i]);
+        fmt::print("\n");
         fmt::print(
             "{}: {} channels checked by the others\n", method,
             std::count_if(calibration.parity.sd.begin(), calibration.parity.sd.end(), [](double sd) { return sd > 0; }));
@@ -303,10 +225,13 @@ void damage(const std::string& fit_file, const std::string& judge_file, const st
 
 int main(int argc, char** argv) {
     const std::string what = argc > 1 ? argv[1] : "";
-    const int numbers = what == "damaged" || what == "damage" ? 2 : what == "alarms" ? 1 : what == "coverage" ? 0 : -1;
+    const int numbers = what == "damaged" || what == "damage"                       ? 2
+                        : what == "alarms"                                          ? 1
+                        : what == "coverage" || what == "costs" || what == "scenes" ? 0
+                                                                                    : -1;
     if (numbers < 0 || argc < 2 + numbers) {
         fmt::print(stderr,
-                   "usage: consistency_bench coverage|damaged FIRST COUNT|alarms HOURS [MODEL]\n"
+                   "usage: consistency_bench coverage|costs|scenes|damaged FIRST COUNT|alarms HOURS [MODEL]\n"
                    "       consistency_bench damage FIT.csv JUDGE.csv [METHODS]\n");
         return 2;
     }
@@ -316,9 +241,14 @@ int main(int argc, char** argv) {
             damage(argv[2], argv[3], model);
             return 0;
         }
+        if (what == "scenes") {
+            judge_scenes(folder, model);
+            return 0;
+        }
         const std::vector<Contest> contests = all_contests(
             folder, [](double) {}, model);
         if (what == "coverage") coverage(contests);
+        if (what == "costs") print_costs(contests);
         if (what == "damaged")
             damaged(folder, contests, std::strtoull(argv[2], nullptr, 10), std::strtoull(argv[3], nullptr, 10));
         if (what == "alarms") alarms(folder, contests, std::strtod(argv[2], nullptr));

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "decoupling/fit/fit.hpp"
+#include "decoupling/fit/parity_fit.hpp"
 #include "made_by_hand.hpp"
 
 namespace tactiled {
@@ -127,6 +128,51 @@ TEST_F(Redundant, AMissingChannelIsLeftToTheMethod) {
     EXPECT_EQ(decouple(*decoupler, channel, 2).quality, TACTILED_BAD);
 }
 
+// A load that the rows do not cover curves the channels more than their predictions: outside the domain, and not a damage.
+TEST_F(Redundant, ALoadBeyondTheRowsIsOutsideTheDomainAndNotADisagreement) {
+    for (int i = 0; i < 100; ++i) {
+        const std::vector<double> channel = reading({2.5, -2.5, -4, kNaN, kNaN, kNaN});
+        last = decoupler->decouple({.channel = channel, .t_ns = t_ns_ += 1'000'000});
+        EXPECT_EQ(last.reasons, unsigned(TACTILED_OUTSIDE_DOMAIN));
+        EXPECT_TRUE(std::isfinite(last.sd[2]));
+    }
+    run(1000, [](auto&) {});
+    EXPECT_EQ(good, samples_);
+}
+
+TEST_F(Redundant, AResidualThatMovesNoForceByItsStandardDeviationRaisesNoAlarm) {
+    ASSERT_EQ(calibration.parity_harmless.size(), kChannels);
+    const auto moved = [this](std::size_t k, double by) {
+        run(3000, [&](auto& channel) { channel[k] += by; });
+        const std::size_t share = good * 100 / samples_;
+        run(1000, [](auto&) {});
+        return share;
+    };
+    const auto& sd = calibration.parity.sd;
+    calibration.parity_harmless.assign(kChannels, 20 * sd[0]);
+    decoupler = make_decoupler(calibration);
+    EXPECT_EQ(moved(0, 10 * sd[0]), 100u);
+    EXPECT_LT(moved(0, 30 * sd[0]), 5u);
+    calibration.parity_harmless.clear();  // a file without it
+    decoupler = make_decoupler(calibration);
+    EXPECT_LT(moved(0, 10 * sd[0]), 5u);
+}
+
+TEST_F(Redundant, WhatIsHarmlessFollowsFromTheStatedStandardDeviation) {
+    for (std::size_t k = 0; k < kChannels; ++k) {
+        std::array<double, 3> squares{};
+        for (int i = 0; i < 400; ++i) {
+            std::vector<double> channel = reading(random_load());
+            const Estimate before = make_decoupler(calibration)->decouple({.channel = channel, .t_ns = 1});
+            channel[k] += calibration.parity_harmless[k];
+            const Estimate after = make_decoupler(calibration)->decouple({.channel = channel, .t_ns = 1});
+            for (std::size_t c = 0; c < 3; ++c)
+                squares[c] += std::pow((after.wrench_S[c] - before.wrench_S[c]) / before.sd[c], 2) / 400;
+        }
+        EXPECT_NEAR(std::sqrt(*std::max_element(squares.begin(), squares.end())), 1, 0.25) << k;
+    }
+}
+
 TEST_F(Redundant, ComesBackFromAFileToTheLastBit) {
     Problems problems;
     calibration.path = "c.toml";
@@ -135,10 +181,87 @@ TEST_F(Redundant, ComesBackFromAFileToTheLastBit) {
     EXPECT_EQ(loaded.parity.order, calibration.parity.order);
     EXPECT_EQ(loaded.parity.coefficients, calibration.parity.coefficients);
     EXPECT_EQ(loaded.parity.sd, calibration.parity.sd);
+    EXPECT_EQ(loaded.parity.false_alarms, calibration.parity.false_alarms);
+    EXPECT_EQ(loaded.parity_harmless, calibration.parity_harmless);
     EXPECT_EQ(loaded.sd_without, calibration.sd_without);
     Calibration other = calibration;
     other.parity.coefficients[2].pop_back();
     EXPECT_NE(refusal(other).find("parity"), std::string::npos);
+}
+
+// `n` channels of three forces, with noise.
+Labelled of_three_forces(std::size_t n) {
+    std::mt19937 random(5);
+    std::normal_distribution<double> normal;
+    Labelled labelled{.name = "made", .channels = {}, .sessions = {}, .rows = {}};
+    for (std::size_t k = 0; k < n; ++k) labelled.channels.push_back("g" + std::to_string(k));
+    for (std::size_t i = 0; i < 600; ++i) {
+        LabelledRow row{.line = std::int64_t(i) + 2,
+                        .channel = {},
+                        .wrench_S = {normal(random), normal(random), normal(random), kNaN, kNaN, kNaN},
+                        .session = 0,
+                        .t_ns = (i + 1) * 1'000'000};
+        for (std::size_t k = 0; k < n; ++k)
+            row.channel.push_back((k < 3 ? row.wrench_S[k] : row.wrench_S[0] - row.wrench_S[1] + row.wrench_S[2]) +
+                                  0.001 * normal(random));
+        labelled.rows.push_back(std::move(row));
+    }
+    return labelled;
+}
+
+// Four channels of three forces: the residual could be that of any of them.
+TEST(Parity, ChannelsThatCannotBeDistinguishedAreNotReplacedAndTheStandardDeviationContainsTheDamageOfAny) {
+    const auto calibration =
+        fit(of_three_forces(4), {.model = "generic", .method = "matrix", .serial = "", .date = ""}).calibration;
+    ASSERT_EQ(calibration.parity.sd.size(), 4u);
+    const Wrench load{0.2, 0.1, -0.3, kNaN, kNaN, kNaN};
+    for (std::size_t damaged = 0; damaged < 4; ++damaged) {
+        std::vector<double> channel{0.2, 0.1, -0.3, -0.2};
+        const auto decoupler = make_decoupler(calibration);
+        const double plain = decoupler->decouple({.channel = channel, .t_ns = 1}).sd[0];
+        const Estimate right = decoupler->decouple({.channel = channel, .t_ns = 2});
+        channel[damaged] += 0.2;
+        const Estimate shifted = make_decoupler(calibration)->decouple({.channel = channel, .t_ns = 1});  // no alarm yet
+        Estimate last;
+        for (std::uint64_t i = 1; i < 100; ++i) last = decoupler->decouple({.channel = channel, .t_ns = i * 1'000'000});
+        EXPECT_EQ(last.quality, TACTILED_UNCERTAIN);
+        EXPECT_NE(last.reasons & TACTILED_DISAGREEMENT, 0u);
+        EXPECT_GT(last.sd[0], 5 * plain);
+        EXPECT_EQ(last.wrench_S[0], shifted.wrench_S[0]);  // it is not replaced
+        for (std::size_t c = 0; c < 3; ++c) {
+            EXPECT_LE(std::abs(last.wrench_S[c] - load[c]), 2 * last.sd[c]) << damaged;
+            EXPECT_NEAR(right.wrench_S[c], load[c], 5 * right.sd[c]);
+        }
+    }
+}
+
+// One group of rows in ten has a channel with another gain, as after another mounting.
+TEST(Parity, IsLeftOutWithItsReasonWhereHeldOutRowsRaiseAnAlarm) {
+    Labelled labelled = of_three_forces(5);
+    Calibration calibration = fit(labelled, {.model = "generic", .method = "matrix", .serial = "", .date = ""}).calibration;
+    ASSERT_FALSE(calibration.parity.sd.empty());
+    Rows rows;
+    std::vector<std::size_t> groups;
+    for (std::size_t i = 0; i < labelled.rows.size(); ++i) {
+        rows.push_back(&labelled.rows[i]);
+        groups.push_back(i / 60);
+    }
+    std::vector<std::string> warnings;
+    set_parity(rows, groups, calibration, warnings);
+    EXPECT_FALSE(calibration.parity.sd.empty());
+    EXPECT_EQ(calibration.parity.false_alarms, 0);
+    EXPECT_EQ(warnings, std::vector<std::string>{});
+    for (std::size_t i = 0; i < 60; ++i) labelled.rows[i].channel[4] *= 1.1;
+    set_parity(rows, groups, calibration, warnings);
+    EXPECT_TRUE(calibration.parity.sd.empty());
+    ASSERT_EQ(warnings.size(), 1u);
+    EXPECT_TRUE(warnings[0].starts_with("no parity: ")) << warnings[0];
+}
+
+TEST(Parity, IsLeftOutOnRequest) {
+    FitRequest request{.model = "generic", .method = "matrix", .serial = "", .date = ""};
+    request.parity = false;
+    EXPECT_TRUE(fit(of_three_forces(5), request).calibration.parity.sd.empty());
 }
 
 // Three channels of three forces: no channel follows from the others.

@@ -85,7 +85,7 @@ double stated_sd(const Validation& validation, double at) {
     calibration.channels = {"A"};
     calibration.components = {"fz"};
     calibration.full_scale = {10};
-    set_uncertainty(validation, calibration);
+    set_uncertainty(validation, calibration, false);
     return std::hypot(calibration.sd.at(0), calibration.sd_slope.at(0) * at);
 }
 

@@ -1,0 +1,84 @@
+#include "decoupling/unloading.hpp"
+
+#include <utility>
+
+#include "decoupling/solve/domain.hpp"
+
+namespace tactiled {
+namespace {
+
+// The components of which a load consists, and what makes their magnitude a part of the full scale.
+struct LoadScale {
+    std::array<bool, 6> counts{};
+    double per_full_scale = 0;
+
+    explicit LoadScale(const Calibration& calibration) {
+        const std::size_t n = std::min(calibration.components.size(), calibration.full_scale.size());
+        const auto is_force = [&](std::size_t i) { return component_index(calibration.components[i]) < 3; };
+        bool any_force = false;
+        for (std::size_t i = 0; i < n; ++i) any_force = any_force || is_force(i);
+        double greatest = 0;
+        for (std::size_t i = 0; i < n; ++i) {
+            if (is_force(i) != any_force) continue;
+            counts[component_index(calibration.components[i])] = true;
+            greatest = std::max(greatest, calibration.full_scale[i]);
+        }
+        if (greatest > 0) per_full_scale = 1 / greatest;
+    }
+    [[nodiscard]] double of(const Wrench& wrench_S) const noexcept {
+        double squares = 0;
+        for (std::size_t c = 0; c < counts.size(); ++c)
+            if (counts[c] && std::isfinite(wrench_S[c])) squares += wrench_S[c] * wrench_S[c];
+        return std::sqrt(squares) * per_full_scale;
+    }
+};
+
+class Unloaded final : public Decoupler {
+public:
+    Unloaded(const Calibration& calibration, std::unique_ptr<Decoupler> inner)
+        : inner_(std::move(inner)), scale_(calibration) {
+        for (std::size_t i = 0; i < calibration.components.size(); ++i)
+            sd_[component_index(calibration.components[i])] = calibration.sd_unloading[i];
+    }
+    [[nodiscard]] Estimate decouple(const Reading& reading) noexcept override {
+        Estimate estimate = inner_->decouple(reading);
+        if (estimate.quality == TACTILED_BAD) {
+            peak_.forget();
+            return estimate;
+        }
+        const double below_peak = peak_.next(scale_.of(estimate.wrench_S), reading.t_ns);
+        // Squares, for hypot() takes several times as long. NaN: not measured, or sd not known.
+        for (std::size_t c = 0; c < sd_.size(); ++c) {
+            const double more = sd_[c] * below_peak;
+            if (more > 0) estimate.sd[c] = std::sqrt(estimate.sd[c] * estimate.sd[c] + more * more);
+        }
+        return estimate;
+    }
+    void forget() noexcept override {
+        peak_.forget();
+        inner_->forget();
+    }
+    void set_delay(double delay_s) noexcept override { inner_->set_delay(delay_s); }
+    void set_temperature_range(double width_K) noexcept override { inner_->set_temperature_range(width_K); }
+    [[nodiscard]] std::string_view method() const noexcept override { return inner_->method(); }
+
+private:
+    std::unique_ptr<Decoupler> inner_;
+    LoadScale scale_;
+    Wrench sd_{};
+    LoadPeak peak_;
+};
+
+}  // namespace
+
+double load_of(const Wrench& wrench_S, const Calibration& calibration) noexcept {
+    return LoadScale(calibration).of(wrench_S);
+}
+
+std::unique_ptr<Decoupler> with_unloading(const Calibration& calibration, std::unique_ptr<Decoupler> inner) {
+    const std::size_t n = calibration.components.size();
+    if (inner == nullptr || calibration.sd_unloading.size() != n || calibration.full_scale.size() != n) return inner;
+    return std::make_unique<Unloaded>(calibration, std::move(inner));
+}
+
+}  // namespace tactiled

@@ -1,0 +1,126 @@
+// A decoupler and the latency of the loop over the rows of a scene: quality, errors and stated standard deviations.
+#pragma once
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "decoupling/latency.hpp"
+#include "decoupling/solve/domain.hpp"
+#include "node/lab/tradeoff.hpp"
+
+namespace tactiled {
+
+using ctl::Candidate;
+
+struct Shares {
+    std::size_t samples = 0, good = 0, undetected = 0;  // GOOD and off by more than 5 sd in some component
+    std::size_t values = 0, within = 0, beyond = 0;     // components of GOOD samples: 1 sd, 5 sd
+    double sharpness = 0;                               // the largest median sd / rms of a component
+    double sharpness_together = 0;                      // median sd / rms, each as rms over components in full scales
+    std::map<std::uint32_t, std::size_t> reasons;
+};
+
+struct Errors {
+    std::vector<float> sd;
+    double squares = 0;
+};
+
+class Course {
+public:
+    Course(const Candidate& candidate, double delay_s) : candidate_(candidate), decoupler_(candidate.make()) {
+        decoupler_->set_delay(delay_s);
+        latency_.set_delay(delay_s);
+    }
+    // Tares on the second half of the rest before the first load. Samples outside [from_s, to_s] are not judged.
+    void judge(const Labelled& rows, double from_s = 0, double to_s = 1e9) {
+        std::vector<double> storage;
+        const auto readings = ctl::readings_of(candidate_, rows, storage);
+        const std::size_t begin = is_tared_ ? 0 : ctl::first_load(rows);
+        std::size_t at_rest = 0;
+        Wrench sum{};
+        for (std::size_t i = 0; i < readings.size(); ++i) {
+            Estimate e = decoupler_->decouple(readings[i]);
+            if (e.quality == TACTILED_BAD)
+                latency_.forget();
+            else
+                latency_.widen(e.wrench_S, readings[i].t_ns, e.sd);
+            if (i < begin) {
+                if (i < begin / 2 || e.quality == TACTILED_BAD) continue;
+                ++at_rest;
+                for (std::size_t c = 0; c < 6; ++c) sum[c] += std::isfinite(e.wrench_S[c]) ? e.wrench_S[c] : 0;
+                continue;
+            }
+            if (i == begin && at_rest > 0)
+                for (std::size_t c = 0; c < 6; ++c) zero_[c] = sum[c] / double(at_rest);
+            // The first sample of a scene is at 1 s of the clock (node/lab/tradeoff_rows.cpp).
+            if (const double t_s = double(readings[i].t_ns) * 1e-9 - 1; t_s >= from_s && t_s <= to_s) take(e, rows.rows[i]);
+        }
+        is_tared_ = true;
+    }
+    Shares shares() {
+        double sds = 0, errors_squared = 0;
+        for (std::size_t i = 0; i < candidate_.calibration.components.size(); ++i) {
+            Errors& errors = errors_[component_index(candidate_.calibration.components[i])];
+            if (errors.sd.empty()) continue;
+            const auto middle = errors.sd.begin() + std::ptrdiff_t(errors.sd.size() / 2);
+            std::nth_element(errors.sd.begin(), middle, errors.sd.end());
+            const double rms = std::sqrt(errors.squares / double(errors.sd.size()));
+            shares_.sharpness = std::max(shares_.sharpness, double(*middle) / rms);
+            const double full_scale =
+                i < candidate_.calibration.full_scale.size() ? candidate_.calibration.full_scale[i] : 1;
+            sds += std::pow(double(*middle) / full_scale, 2);
+            errors_squared += std::pow(rms / full_scale, 2);
+        }
+        shares_.sharpness_together = std::sqrt(sds / errors_squared);
+        return shares_;
+    }
+
+private:
+    void take(const Estimate& e, const LabelledRow& row) {
+        ++shares_.samples;
+        ++shares_.reasons[e.quality == TACTILED_GOOD ? 0 : e.reasons];
+        if (e.quality != TACTILED_GOOD) return;
+        ++shares_.good;
+        bool undetected = false;
+        for (const std::string& name : candidate_.calibration.components) {
+            const std::size_t c = component_index(name);
+            const double error = e.wrench_S[c] - zero_[c] - row.wrench_S[c];
+            if (!std::isfinite(error)) continue;
+            ++shares_.values;
+            shares_.within += std::abs(error) <= e.sd[c];
+            const bool beyond = std::abs(error) > 5 * e.sd[c];
+            shares_.beyond += beyond;
+            undetected = undetected || beyond;
+            errors_[c].sd.push_back(float(e.sd[c]));
+            errors_[c].squares += error * error;
+        }
+        shares_.undetected += undetected;
+    }
+
+    const Candidate& candidate_;
+    std::unique_ptr<Decoupler> decoupler_;
+    Latency latency_;
+    Wrench zero_{};
+    bool is_tared_ = false;
+    std::array<Errors, 6> errors_;
+    Shares shares_;
+};
+
+inline double percent(std::size_t part, std::size_t whole) {
+    return whole == 0 ? std::nan("") : 100 * double(part) / double(whole);
+}
+
+// consistency_scenes.cpp: each [[expect]] of the scenes in `folder`, or of the one named, with its calibration and method.
+// setup: throws SetupError
+void judge_scenes(const std::string& folder, const std::string& name);
+
+// consistency_costs.cpp: ns per sample of each check of each method, on the first scene of its contest.
+void print_costs(const std::vector<ctl::Contest>& contests);
+
+}  // namespace tactiled

@@ -1,0 +1,96 @@
+// The scenes of config/scenes with an [[expect]], each with the calibration and the method that it names.
+#include <fmt/format.h>
+#include <fnmatch.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+
+#include "consistency.hpp"
+#include "decoupling/fit/fit.hpp"
+#include "node/lab/simulate.hpp"
+
+namespace tactiled {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMaxCalibrationRows = 40'000;
+
+struct Expectation {
+    std::string sensor, calibration, method;
+    double from_s, to_s;
+};
+
+std::vector<Expectation> expectations_of(const fs::path& path) {
+    Problems problems;
+    Options scene = Options::parse_file(path.string(), problems);
+    std::vector<Expectation> result;
+    for (Options& e : scene.tables("expect", 64)) {
+        if (e.has("reads_N")) continue;  // its force is not the applied one
+        result.push_back({e.text("sensor"), e.text("calibration"), e.text("method", ""), e.number("from_s", {0, 1e7}, 0),
+                          e.number("to_s", {0, 1e7}, 1e7)});
+    }
+    return result;
+}
+
+Calibration calibrated(const fs::path& beside, const std::string& name, const std::string& method) {
+    if (!name.starts_with("scene:")) {
+        Problems problems;
+        Calibration calibration = load_calibration((beside / name).string(), problems);
+        problems.throw_if_any();
+        return calibration;
+    }
+    const ctl::CalibrationScene scene = ctl::read_calibration_scene((beside / name.substr(6)).string());
+    FitRequest request{.model = scene.model, .method = method, .serial = "", .date = ""};
+    if (request.model.empty()) request.model = ctl::name_of(scene.scene.sensors.front().model);
+    request.parameters = scene.known;
+    if (!scene.influence.empty()) put_fit_option("influence", scene.influence, request);
+    return fit(ctl::calibration_rows(scene, kMaxCalibrationRows), request).calibration;
+}
+
+Shares shares_of(const Candidate& candidate, const Labelled& rows, double delay_s, const Expectation& e) {
+    Course course(candidate, delay_s);
+    course.judge(rows, e.from_s, e.to_s);
+    return course.shares();
+}
+
+}  // namespace
+
+void judge_scenes(const std::string& folder, const std::string& name) {
+    std::vector<fs::path> scenes;
+    for (const auto& entry : fs::directory_iterator(folder))
+        if (entry.path().extension() == ".toml" && (name.empty() || entry.path().stem() == name))
+            scenes.push_back(entry.path());
+    std::sort(scenes.begin(), scenes.end());
+    std::map<std::string, Calibration> made;
+    fmt::print("{:<50} {:>7} {:>8} {:>8} {:>9} {:>8} {:>8} {:>8}\n", "scene, calibration, method", "GOOD %", "no parity",
+               "in 1 sd", "over 5 sd", "sd / rms", "together", "samples");
+    for (const fs::path& path : scenes)
+        for (const Expectation& e : expectations_of(path)) {
+            const std::string key = e.calibration + " " + e.method;
+            if (made.count(key) == 0) made[key] = calibrated(path.parent_path(), e.calibration, e.method);
+            const Candidate candidate{made[key].model, e.method, e.method, made[key]};
+            Candidate without = candidate;
+            without.calibration.parity = {};
+            sim::Scene scene = sim::read_scene(path.string());
+            const std::vector<sim::Sensor> sensors = scene.sensors;
+            for (const sim::Sensor& sensor : sensors) {
+                if (::fnmatch(e.sensor.c_str(), sensor.name.c_str(), 0) != 0) continue;
+                scene.sensors = {sensor};
+                const Labelled rows = ctl::rows_of(scene, ctl::kMaxOfScene);
+                const double delay_s = scene.delay_s(scene.sensors.front());
+                const Shares s = shares_of(candidate, rows, delay_s, e), other = shares_of(without, rows, delay_s, e);
+                fmt::print("{:<50} {:>7.2f} {:>8.2f} {:>8.1f} {:>9.2f} {:>8.2f} {:>8.2f} {:>8}",
+                           fmt::format("{} {}, {}", path.stem().string(), sensor.name, key), percent(s.good, s.samples),
+                           percent(other.good, other.samples), percent(s.within, s.values), percent(s.undetected, s.good),
+                           s.sharpness, s.sharpness_together, s.samples);
+                for (const auto& [reasons, n] : s.reasons)
+                    if (reasons != 0) fmt::print(" 0x{:x}:{:.1f}%", reasons, percent(n, s.samples));
+                fmt::print("\n");
+                std::fflush(stdout);
+            }
+        }
+}
+
+}  // namespace tactiled
