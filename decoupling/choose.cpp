@@ -74,12 +74,14 @@ std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const 
     if (text.empty()) text = fault_of_parity(calibration);
     if (text.empty()) text = fault_of_temperature(calibration);
     if (!text.empty()) return refuse("calibration", fmt::format("{}: {}", calibration.path, text));
-    auto decoupler = make_method(*method, fit_for(calibration, *method), text);
-    if (decoupler == nullptr) return refuse("calibration", fmt::format("{}: method {}: {}", calibration.path, name, text));
+    const Calibration own = fit_for(calibration, *method);
+    if (make_method(*method, own, text) == nullptr)
+        return refuse("calibration", fmt::format("{}: method {}: {}", calibration.path, name, text));
     // A channel that is replaced by its prediction is judged by the joint domain as it is then.
-    const Calibration fitted = fit_for(calibration, *method);
-    return with_temperature(
-        calibration, with_parity(fitted, with_joint_domain(calibration, with_unloading(fitted, std::move(decoupler)))));
+    return with_temperature(calibration, [method, own] {
+        std::string no_fault;
+        return with_parity(own, with_joint_domain(own, with_unloading(own, make_method(*method, own, no_fault))));
+    });
 }
 
 std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const std::string& method, double budget_us) {

@@ -20,8 +20,9 @@ constexpr double kStep_K = 1;      // width of the differences that give the eff
 
 class WithTemperature final : public Decoupler {
 public:
-    WithTemperature(const Calibration& calibration, std::unique_ptr<Decoupler> inner)
+    WithTemperature(const Calibration& calibration, std::unique_ptr<Decoupler> inner, MakeDecoupler make)
         : inner_(std::move(inner)),
+          make_(std::move(make)),
           temperature_(calibration.temperature),
           is_fitted_(!calibration.temperature.zero_per_K.empty()),
           n_(calibration.channels.size()),
@@ -110,17 +111,18 @@ private:
 
     // Change of the wrench from half of `step_K` below to half of it above the reading `at`, per kelvin; of all channels, or
     // of channel `only`.
-    [[nodiscard]] Wrench change(const std::vector<double>& at, double step_K, std::size_t only) noexcept {
+    [[nodiscard]] Wrench change(Decoupler& examined, const std::vector<double>& at, double step_K,
+                                std::size_t only) const noexcept {
         double above[kMaxChannels], below[kMaxChannels];
         for (std::size_t k = 0; k < n_; ++k) {
             const double half = only == kAll || only == k ? zero_per_K_[k] * step_K / 2 : 0;
             above[k] = at[k] + half;
             below[k] = at[k] - half;
         }
-        const Estimate a = inner_->decouple({.channel = {above, n_}});
-        inner_->forget();
-        const Estimate b = inner_->decouple({.channel = {below, n_}});
-        inner_->forget();
+        const Estimate a = examined.decouple({.channel = {above, n_}});
+        examined.forget();
+        const Estimate b = examined.decouple({.channel = {below, n_}});
+        examined.forget();
         Wrench per_K;
         for (std::size_t c = 0; c < 6; ++c) per_K[c] = (a.wrench_S[c] - b.wrench_S[c]) / step_K;
         return per_K;
@@ -130,6 +132,8 @@ private:
     // because a method need not be linear. A place where the method has no value does not count; NaN if it has none at all.
     [[nodiscard]] Effect effect_of_a_kelvin(double width_K) noexcept {
         Effect largest{kUnseen, kUnseen};
+        const std::unique_ptr<Decoupler> examined = make_();
+        if (examined == nullptr) return largest;
         const auto take = [](Wrench& most, const Wrench& one) {
             for (std::size_t c = 0; c < 6; ++c)
                 if (!(std::abs(one[c]) <= most[c])) most[c] = std::isnan(one[c]) ? most[c] : std::abs(one[c]);
@@ -137,10 +141,10 @@ private:
         for (const std::vector<double>* at : {&zero_, &middle_}) {
             if (at->size() != n_) continue;
             for (const double step_K : {kStep_K, std::max(kStep_K, width_K)}) {
-                take(largest.alike, change(*at, step_K, kAll));
+                take(largest.alike, change(*examined, *at, step_K, kAll));
                 Wrench squares{};
                 for (std::size_t k = 0; k < n_; ++k) {
-                    const Wrench one = change(*at, step_K, k);
+                    const Wrench one = change(*examined, *at, step_K, k);
                     for (std::size_t c = 0; c < 6; ++c) squares[c] += one[c] * one[c];
                 }
                 for (double& square : squares) square = std::sqrt(square);
@@ -169,6 +173,7 @@ private:
     static constexpr std::size_t kAll = kMaxChannels;
 
     std::unique_ptr<Decoupler> inner_;
+    MakeDecoupler make_;
     Temperature temperature_;
     bool is_fitted_;
     std::size_t n_;
@@ -192,10 +197,11 @@ const TemperatureEffect* temperature_effect(const Calibration& calibration) noex
     return calibration.temperature.zero_per_K.empty() ? Registry<TemperatureEffect>::find(calibration.model) : nullptr;
 }
 
-std::unique_ptr<Decoupler> with_temperature(const Calibration& calibration, std::unique_ptr<Decoupler> inner) {
+std::unique_ptr<Decoupler> with_temperature(const Calibration& calibration, MakeDecoupler make) {
+    auto inner = make();
     const bool is_fitted = !calibration.temperature.zero_per_K.empty();
     if (inner == nullptr || (!is_fitted && temperature_effect(calibration) == nullptr)) return inner;
-    return std::make_unique<WithTemperature>(calibration, std::move(inner));
+    return std::make_unique<WithTemperature>(calibration, std::move(inner), std::move(make));
 }
 
 std::string fault_of_temperature(const Calibration& calibration) {

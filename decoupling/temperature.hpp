@@ -10,6 +10,7 @@
 // Its standard deviation contains the change over the declared range, by default over kRoom_K, and of the declared
 // difference between channels. Above a tenth of full scale the estimate is UNCERTAIN.
 #pragma once
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -33,8 +34,11 @@ struct TemperatureEffect {
 // Returns the effect of the model whose calibration does not know temperature, nullptr if there is none. setup
 const TemperatureEffect* temperature_effect(const Calibration& calibration) noexcept;
 
-// Returns `inner` itself if neither the calibration nor its model knows an effect of temperature. setup
-std::unique_ptr<Decoupler> with_temperature(const Calibration& calibration, std::unique_ptr<Decoupler> inner);
+// Returns what `make` makes if neither the calibration nor its model knows an effect of temperature. `make` makes the
+// decoupler that sees the channels at the reference temperature, and another one whenever the effect on it is examined: the
+// one that runs must not see these readings. setup
+using MakeDecoupler = std::function<std::unique_ptr<Decoupler>()>;
+std::unique_ptr<Decoupler> with_temperature(const Calibration& calibration, MakeDecoupler make);
 
 // The reading as it is at the reference temperature. rt: wait-free
 double at_reference(const Temperature& temperature, std::size_t k, double reading, double temperature_C) noexcept;

@@ -59,7 +59,7 @@ public:
         inner_->forget();
     }
     void set_delay(double delay_s) noexcept override { inner_->set_delay(delay_s); }
-    void set_temperature_range(double width_K) noexcept override { inner_->set_temperature_range(width_K); }
+    void set_temperature(const TemperatureInUse& in_use) noexcept override { inner_->set_temperature(in_use); }
     [[nodiscard]] std::string_view method() const noexcept override { return inner_->method(); }
 
 private:

@@ -122,7 +122,7 @@ class TemperatureAndIdentity(unittest.TestCase):
 
     def test_a_thermometer_that_fails_jumps_or_stands_still_gives_no_good_value(self):
         device = self.devices["left"]
-        for said in ("nan", 26.0, 73.4, 296.15, -4096.0):  # none; another sensor's; degF; K; the code 0 of a chip
+        for said in ("nan", 26.0, 73.4, 296.15, -4096.0):  # a missing one, another sensor, degF, K, and the code 0 of a chip
             device.said_C = said
             wait_for(lambda: self.latest().quality != tactiled.GOOD, 2, f"{said} degC to be noticed")
             self.assertEqual(self.no_good_and_wrong_value(), 0, said)

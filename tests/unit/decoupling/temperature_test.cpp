@@ -192,6 +192,34 @@ TEST(KnownTemperatureEffect, IsUnknownInAnotherUnitUnlessTheTemperatureIsConstan
     EXPECT_EQ(at_rest(*decoupler, calibration, 0, {}).quality, TACTILED_GOOD);
 }
 
+// Counts the readings that it sees.
+class Counting final : public Decoupler {
+public:
+    explicit Counting(int& seen) : seen_(seen) {}
+    Estimate decouple(const Reading&) noexcept override {
+        ++seen_;
+        return {};
+    }
+    void forget() noexcept override { ++seen_; }
+    std::string_view method() const noexcept override { return "counting"; }
+
+private:
+    int& seen_;
+};
+
+TEST(KnownTemperatureEffect, IsNotExaminedOnTheDecouplerThatRuns) {
+    int of_first = 0, of_others = 0;
+    bool is_first = true;
+    const auto decoupler = with_temperature(of_documents("table"), [&] {
+        auto made = std::make_unique<Counting>(is_first ? of_first : of_others);
+        is_first = false;
+        return made;
+    });
+    decoupler->set_temperature({20, 30, 0.5});
+    EXPECT_EQ(of_first, 0) << "a method with hysteresis would lose what it knows";
+    EXPECT_GT(of_others, 0);
+}
+
 TEST(KnownTemperatureEffect, AMeasuredTemperatureOutsideTheDeclaredRangeIsUncertain) {
     const Calibration calibration = of_documents("table");
     const auto decoupler = make_decoupler(calibration);
