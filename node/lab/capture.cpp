@@ -17,6 +17,7 @@
 #include "drivers/driver.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/lab/capture_file.hpp"
+#include "node/lab/capture_steadiness.hpp"
 #include "node/lab/listen.hpp"
 #include "node/lab/verbs.hpp"
 
@@ -123,80 +124,22 @@ std::vector<CapturedRow> read_rows(Driver& driver, int& device, double settle_s,
     return rows;
 }
 
-// Noise and drift of a channel under one load.
-struct Steadiness {
-    std::string name;
-    double mean = 0, sd = 0, min = 0, max = 0, drift = 0;  // drift: mean of the last quarter minus mean of the first one
-    std::size_t missing = 0;
-};
-
-Steadiness steadiness(const std::vector<CapturedRow>& rows, std::size_t k, const std::string& name) {
-    Steadiness s;
-    s.name = name;
-    std::vector<double> values;
-    for (const auto& row : rows)
-        if (std::isfinite(row.channel[k]))
-            values.push_back(row.channel[k]);
-        else
-            ++s.missing;
-    if (values.empty()) return s;
-    const auto mean = [&](std::size_t from, std::size_t to) {
-        double sum = 0;
-        for (std::size_t i = from; i < to; ++i) sum += values[i] - values[0];
-        return values[0] + sum / double(std::max<std::size_t>(1, to - from));
-    };
-    const std::size_t n = values.size(), quarter = std::max<std::size_t>(1, n / 4);
-    s.mean = mean(0, n);
-    s.min = *std::min_element(values.begin(), values.end());
-    s.max = *std::max_element(values.begin(), values.end());
-    for (const double value : values) s.sd += (value - s.mean) * (value - s.mean);
-    s.sd = n < 2 ? 0 : std::sqrt(s.sd / double(n - 1));
-    s.drift = mean(n - quarter, n) - mean(0, quarter);
-    return s;
-}
-
-std::vector<Steadiness> print_load(const std::vector<CapturedRow>& rows, const CaptureFile& file, bool quiet) {
-    std::vector<Steadiness> all;
-    const double seconds = double(rows.back().t_ns - rows.front().t_ns) / 1e9;
-    if (!quiet)
-        fmt::print("{}: {} rows in {:.1f} s\n{:>10} {:>12} {:>10} {:>12} {:>12} {:>10}\n", load_text(rows.front().load),
-                   rows.size(), seconds, "channel", "mean", "sd", "lowest", "highest", "drift");
-    for (std::size_t k = 0; k < file.channels().size(); ++k) {
-        all.push_back(steadiness(rows, k, file.channels()[k]));
-        const Steadiness& s = all.back();
-        const bool drifts = std::abs(s.drift) > 2 * s.sd;  // the means of a quarter scatter far less than a reading
-        if (!quiet)
-            fmt::print("{:>10} {:>12.6g} {:>10.3g} {:>12.6g} {:>12.6g} {:>10.3g}{}{}\n", s.name, s.mean, s.sd, s.min, s.max,
-                       s.drift, drifts ? "  still moves: wait longer, --settle" : "",
-                       s.missing != 0 ? fmt::format("  {} missing", s.missing) : "");
-    }
-    return all;
-}
-
-nlohmann::json load_json(const std::vector<CapturedRow>& rows, const std::vector<Steadiness>& all) {
-    nlohmann::json channels = nlohmann::json::array();
-    for (const auto& s : all)
-        channels.push_back({{"name", s.name},
-                            {"mean", s.mean},
-                            {"sd", s.sd},
-                            {"min", s.min},
-                            {"max", s.max},
-                            {"drift", s.drift},
-                            {"missing", s.missing}});
-    return {{"label", load_text(rows.front().load)}, {"rows", rows.size()}, {"channels", channels}};
-}
-
-// Returns the next load that the user types; nullopt at the end. Repeats the question after a word that is not a
-// load.
-std::optional<Load> ask_load() {
-    for (std::string line; interrupted == 0;) {
-        fmt::print(stderr, "Apply a load, then type it, such as fz_N=-5 (press: fz < 0); an empty line ends: ");
-        if (!std::getline(std::cin, line) || line.find_first_not_of(" \t\r") == line.npos) return std::nullopt;
+// Returns the next load that the user types for `file`; nullopt at the end of the input and after two empty lines.
+// Repeats the question after a line that is no load of this file, and counts that line in `refused`.
+std::optional<Load> ask_load(const CaptureFile& file, int& refused) {
+    int empty = 0;
+    for (std::string line; interrupted == 0 && empty < 2;) {
+        fmt::print(stderr, "Apply a load, then type it, such as fz_N=-5 (press: fz < 0); two empty lines end: ");
+        if (!std::getline(std::cin, line)) break;
+        empty = line.find_first_not_of(" \t\r") == line.npos ? empty + 1 : 0;
+        if (empty != 0) continue;
         try {
-            return parse_load({line});
+            const Load load = parse_load({line});
+            file.check(load);
+            return load;
         } catch (const SetupError& error) {
             fmt::print(stderr, "tactilectl: {}\n", error.what());
-            if (::isatty(STDIN_FILENO) == 0) throw;
+            ++refused;
         }
     }
     return std::nullopt;
@@ -228,12 +171,14 @@ int capture(Args args) {
     const bool there = ::access(args.append.c_str(), F_OK) == 0;
     for (std::size_t k = names.size(); k < n; ++k) names.push_back(there ? "" : fmt::format("c{}", k + 1));
     CaptureFile file(args.append, names);
+    if (typed) file.check(*typed);
     const std::string session = !args.session.empty() ? args.session : file.last_session();
 
     nlohmann::json loads = nlohmann::json::array();
     std::size_t captured = 0;
+    int refused = 0;  // lines that were no load
     while (interrupted == 0) {
-        const std::optional<Load> load = measured || typed ? typed : ask_load();
+        const std::optional<Load> load = measured || typed ? typed : ask_load(file, refused);
         if (!measured && !load) break;
         auto rows = read_rows(*source->driver, args.device, args.settle_s, args.seconds, reference.get());
         if (interrupted != 0) break;
@@ -254,13 +199,17 @@ int capture(Args args) {
             fmt::print(stderr, "tactilectl: {} of {} frames had no reference\n", read - rows.size(), read);
         file.append(rows, session);
         captured += rows.size();
-        loads.push_back(load_json(rows, print_load(rows, file, args.json)));
+        const auto channels = steadiness(rows, file.channels());
+        if (!args.json) print_load(rows, channels);
+        loads.push_back(load_json(rows, channels));
         if (measured || typed) break;
     }
     if (captured == 0) {
         fmt::print(stderr, "tactilectl: nothing was captured\n");
         return kUnhealthy;
     }
+    // A person has seen the question again; a program has not, and its load is not in the file.
+    const int status = refused != 0 && ::isatty(STDIN_FILENO) == 0 ? kUnhealthy : kGood;
     const auto missing = file.missing();
     if (args.json) {
         fmt::print("{}\n", nlohmann::json{{"schema", 1},
@@ -270,13 +219,13 @@ int capture(Args args) {
                                           {"coverage", file.coverage()},
                                           {"missing", missing}}
                                .dump());
-        return kGood;
+        return status;
     }
     fmt::print("{}, session {}: {}\n", args.append, session, fmt::join(file.coverage(), "; "));
     for (const auto& text : missing) fmt::print("still missing: {}\n", text);
     if (missing.empty())
         fmt::print("next: tactilectl calibrate --model generic --in {} --out my_sensor.toml\n", args.append);
-    return kGood;
+    return status;
 }
 
 }  // namespace

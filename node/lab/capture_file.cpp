@@ -101,22 +101,27 @@ void CaptureFile::note(const Load& load, const std::string& session) {
     if (!is_first) at->second = std::min(at->second, largest);
 }
 
-void CaptureFile::append(const std::vector<CapturedRow>& rows, const std::string& session) {
-    if (rows.empty()) return;
-    const bool is_new = label_.empty();
-    for (std::size_t c = 0; c < 6 && is_new; ++c)
-        if (std::isfinite(rows.front().load[c])) label_.push_back(c);
-    if (label_.empty()) throw SetupError("no load is given: --label fz_N=-5, --reference or --scale");
-    for (std::size_t c = 0; c < 6; ++c) {
+void CaptureFile::check(const Load& load) const {
+    if (std::none_of(load.begin(), load.end(), [](double v) { return std::isfinite(v); }))
+        throw SetupError("no load is given: --label fz_N=-5, --reference or --scale");
+    for (std::size_t c = 0; c < load.size() && !label_.empty(); ++c) {
         const bool in_file = std::find(label_.begin(), label_.end(), c) != label_.end();
-        const bool given = std::isfinite(rows.front().load[c]);
+        const bool given = std::isfinite(load[c]);
         if (in_file && !given)
-            throw SetupError(fmt::format("{}: its rows have {}; add {}=0, or its value, to --label", path_, label_column(c),
-                                         label_column(c)));
+            throw SetupError(
+                fmt::format("{0}: its rows have {1}; add {1}=0, or its value, to the load", path_, label_column(c)));
         if (!in_file && given)
             throw SetupError(
                 fmt::format("{}: its rows have no {}; leave it out, or begin a new file", path_, label_column(c)));
     }
+}
+
+void CaptureFile::append(const std::vector<CapturedRow>& rows, const std::string& session) {
+    if (rows.empty()) return;
+    check(rows.front().load);
+    const bool is_new = label_.empty();
+    for (std::size_t c = 0; c < 6 && is_new; ++c)
+        if (std::isfinite(rows.front().load[c])) label_.push_back(c);
     std::string text;
     if (is_new) {
         columns_ = {"t_s"};

@@ -26,6 +26,9 @@ public:
     // The last row's session, "1" for a new file.
     [[nodiscard]] const std::string& last_session() const { return last_session_; }
 
+    // setup: throws SetupError where a row of this load could not be appended: see append()
+    void check(const Load& load) const;
+
     // Appends the rows, each with every component of the file; the first rows determine the components.
     // setup: throws SetupError where the file has a label that a row lacks, or the reverse; SaveError where it cannot be written
     void append(const std::vector<CapturedRow>& rows, const std::string& session);

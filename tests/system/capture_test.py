@@ -206,6 +206,58 @@ class Capture(Case):
         done = ctl("capture", device.path, "--append", self.folder / "a.csv", "--seconds", "0.1", "--session", "2", "--label", "fz_N=-1,fx_N=2")
         self.assertIn("session 2 has no row without a load", done.stdout)
 
+    def guided(self, lines, terminal, **kinds):
+        """Types `lines` as answers of a guided capture; returns its exit status, output and errors."""
+        words = [BIN / "tactilectl", "capture", self.device(**kinds).path, "--append", self.folder / "a.csv", "--seconds", "0.2", "--settle", "0"]
+        if not terminal:
+            done = subprocess.run(words, input=lines, capture_output=True, text=True, timeout=60)
+            return done.returncode, done.stdout, done.stderr
+        master, slave = pty.openpty()
+        try:
+            os.write(master, lines.encode())
+            done = subprocess.run(words, stdin=slave, capture_output=True, text=True, timeout=60)
+        finally:
+            os.close(master)
+            os.close(slave)
+        return done.returncode, done.stdout, done.stderr
+
+    def loads_of_file(self):
+        return sorted({line.split(",")[5] for line in (self.folder / "a.csv").read_text().splitlines()[1:]})
+
+    def test_a_mistyped_load_is_explained_and_asked_for_again(self):
+        # A typing error, a wrong number, a label that the file lacks and one empty line end nothing; two empty lines do.
+        lines = "fz_N=0\nfz=-1\nfz_N=ten\nfx_N=1\n\nfz_N=-2\n\n\nfz_N=-3\n"
+        for terminal, status in ((True, 0), (False, 1)):  # a program does not read the question: its status shows the refused lines
+            with self.subTest(terminal=terminal):
+                got, out, err = self.guided(lines, terminal)
+                self.assertEqual(got, status, err)
+                self.assertIn('known: "fx_N", "fy_N", "fz_N"', err)
+                self.assertIn("NUMBER", err)
+                self.assertIn("its rows have no fx_N; leave it out", err)
+                self.assertEqual(self.loads_of_file(), ["-2", "0"])
+                self.assertIn("fz_N has 2 loads", out)
+                (self.folder / "a.csv").unlink()
+
+    def test_the_end_of_the_input_ends_a_guided_capture(self):
+        self.assertEqual(self.guided("fz_N=0\n\x04", True)[0], 0)
+        self.assertEqual(self.guided("fz_N=-1", False)[0], 0)
+        self.assertEqual(self.loads_of_file(), ["-1", "0"])
+
+    def test_a_channel_that_never_changes_is_named(self):
+        def third_is_stuck(n, t_us):
+            return f"{n},{t_us},{500 + n % 3},{700 + n % 5},431.25,{90 + n % 2}"
+
+        def warnings(line):
+            done = ctl("capture", self.device(line=line).path, "--label", "fz_N=0", "--append", self.folder / "a.csv", "--seconds", "0.3", "--json")
+            self.assertEqual(done.returncode, 0, done.stderr)
+            return json.loads(done.stdout)["loads"][0]["warnings"]
+        self.assertEqual(warnings(third_is_stuck), ["channel 3 (c3) did not change while the others did: check its wire and its input"])
+        self.assertEqual(warnings(None), [])
+        self.assertEqual(warnings(lambda n, t_us: f"{n},{t_us},1,2,3,4"), [])  # no channel changes: a quiet or simulated device
+        got, out, err = self.guided("fz_N=0\n", False, line=third_is_stuck)
+        self.assertEqual(got, 0, err)
+        self.assertIn("warning: channel 3 (c3) did not change while the others did", out)
+
     def test_a_file_without_a_last_line_end_and_with_a_later_clock_is_continued(self):
         file = self.folder / "a.csv"
         file.write_text("t_s,A,B,C,D,fz_N,session\n1e9,1,2,3,4,-1,monday")  # times (t_s) of another boot, and no line
