@@ -181,8 +181,9 @@ private:
         if (!explains) cleared_ |= 1u << k;
     }
 
-    // How many standard deviations the damage of one of `suspects`, which cannot be distinguished, shifts a component at
-    // most: the residual relative to the one that shifts it by one. NaN if that is not known, or if there is no suspect.
+    // Returns the largest shift of a component, in standard deviations, by damage of one of `suspects`, which cannot be
+    // distinguished: the residual relative to the one that shifts it by one. NaN if that is not known, or if there is no
+    // suspect.
     [[nodiscard]] double shift(std::uint32_t suspects, const double* x, const double* prediction) const noexcept {
         double greatest = suspects == 0 ? kNaN : 0;
         for (std::size_t k = 0; k < n_; ++k)
@@ -225,7 +226,7 @@ private:
     std::array<Wrench, kMaxChannels> sd_without_{};
     std::array<double, kMaxChannels> harmless_{};
     double limit_squared_ = 0;
-    std::vector<double> mean_, precision_;  // of the joint domain; precision: C^-1 by rows, empty = there is none
+    std::vector<double> mean_, precision_;  // joint domain; precision: C^-1 by rows, empty = there is none
 
     std::array<std::vector<double>, kPast> past_;  // channels, then predictions
     std::size_t next_ = 0, n_past_ = 0;

@@ -17,7 +17,7 @@ namespace tactiled {
 // The peak of the load since the last rest. Before the first rest the past is not known, and the peak is 1.
 class LoadPeak {
 public:
-    static constexpr double kRest = 0.02;                   // of full scale
+    static constexpr double kRest = 0.02;                   // relative to full scale
     static constexpr std::uint64_t kRest_ns = 500'000'000;  // this long below kRest: at rest
 
     // Returns peak - load, 0 .. 1. A load that is not finite changes nothing. rt: wait-free
