@@ -279,7 +279,7 @@ inline void StreamAge::learn_rate(double advance, std::uint64_t host_ns) noexcep
     if (declared_ns_ > 0)
         period_ns_ = std::clamp(period_ns_, declared_ns_ / (1 + tolerance_), declared_ns_ * (1 + tolerance_));
     if (max_period_ns_ > 0) period_ns_ = std::min(period_ns_, max_period_ns_);
-    bound_ = AgeBound({.max_drift = kMaxRateError, .wander = route_.clock_ppm * 0.2e-6, .excess = kFaster});
+    bound_ = AgeBound({.max_drift = kMaxRateError, .wander = route_.clock_ppm * 0.2e-6, .held_share = 0, .excess = kFaster});
     counted_ = 0;
 }
 
