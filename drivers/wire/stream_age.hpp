@@ -114,7 +114,7 @@ private:
     std::uint64_t learn_ns_ = 0;  // host time of the first frame that period_ns_ is learnt from
     double learn_frames_ = 0;
     bool must_reopen_ = false;        // no number can prove the age until then
-    double max_late_ns_ = 0;          // of this lag
+    double max_late_ns_ = 0;          // the largest lateness in this lag
     std::uint64_t max_late_at_ = 0;   // when it was so late, by a tenth
     std::uint64_t settle_until_ = 0;  // 0: no lag has been caught up
 };
