@@ -24,6 +24,7 @@ public:
         double max_drift = 200e-6;  // drift of the two clocks against each other: two crystals of 100 ppm
         double wander = 40e-6;      // change of the drift within minutes, by temperature
         double wrap_ns = 0;         // the device's clock starts again from 0 after this time; 0 = never
+        double held_share = 0.125;  // share of the uncertainty by which the reference rises during a lag
         double excess = 0.05;       // largest part by which a clock runs too fast; x that falls faster is the end of a lag
     };
 
@@ -122,7 +123,6 @@ private:
     static constexpr double kSetBack_ns = 2e9;   // a clock that has gone back and stays so for this time was set back
     static constexpr double kEarlyWrap_ns = 1073741824e3;  // 2^30 us
     static constexpr double kWrapError_ns = 50e6;          // by which two delays differ that are no lag
-    static constexpr double kHeldShare = 0.125;  // share of the uncertainty by which the reference rises during a lag
 
     struct Point {
         double t_ns, x_ns;
@@ -159,7 +159,7 @@ private:
         t_ += step;
         reference_ += slope_ * step;
         // A silence gives no information on the drift.
-        if (step > kMaxWindow_ns) reference_ += uncertainty_ * (is_held_ ? kHeldShare : 1.0) * step;
+        if (step > kMaxWindow_ns) reference_ += uncertainty_ * (is_held_ ? limits_.held_share : 1.0) * step;
         excess_ns_ = std::min(excess_ns_ + limits_.excess * step, kFall_ns);
         explain(uncertainty_ * step);
         if (has_wrapped_) lowered_ns_ = -kWrapError_ns;  // the period is known so well
@@ -193,7 +193,7 @@ private:
         const double allowed = uncertainty_ * std::min(t_ - window_begin_, 4 * kMaxWindow_ns);
         is_held_ = window_min_ > allowed + kLag_ns;
         if (is_held_) {
-            reference_ += allowed * kHeldShare;
+            reference_ += allowed * limits_.held_share;
         } else {
             reference_ += std::min(window_min_, allowed);
             explain(std::min(window_min_, allowed));

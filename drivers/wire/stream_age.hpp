@@ -114,7 +114,7 @@ private:
     std::uint64_t learn_ns_ = 0;  // host time of the first frame that period_ns_ is learnt from
     double learn_frames_ = 0;
     bool must_reopen_ = false;        // no number can prove the age until then
-    double max_late_ns_ = 0;          // of this lag
+    double max_late_ns_ = 0;          // the largest lateness in this lag
     std::uint64_t max_late_at_ = 0;   // when it was so late, by a tenth
     std::uint64_t settle_until_ = 0;  // 0: no lag has been caught up
 };
@@ -279,7 +279,7 @@ inline void StreamAge::learn_rate(double advance, std::uint64_t host_ns) noexcep
     if (declared_ns_ > 0)
         period_ns_ = std::clamp(period_ns_, declared_ns_ / (1 + tolerance_), declared_ns_ * (1 + tolerance_));
     if (max_period_ns_ > 0) period_ns_ = std::min(period_ns_, max_period_ns_);
-    bound_ = AgeBound({.max_drift = kMaxRateError, .wander = route_.clock_ppm * 0.2e-6, .excess = kFaster});
+    bound_ = AgeBound({.max_drift = kMaxRateError, .wander = route_.clock_ppm * 0.2e-6, .held_share = 0, .excess = kFaster});
     counted_ = 0;
 }
 

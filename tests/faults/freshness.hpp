@@ -86,7 +86,8 @@ public:
         const double closed_s = std::max(0.05, double(age_.closed_ns()) * 1e-9);
         // no server can be reached while it holds everything
         closed_until_s_ = std::max(now_s_ + closed_s, hold_until_s_);
-        if (when_closed == Closed::discards) {
+        discarded_ = when_closed == Closed::discards;
+        if (discarded_) {
             const auto left_the_first = [&](const Sent& sent) { return sent.measured_s + inner_lag_s <= closed_until_s_; };
             while (!way_.empty() && left_the_first(way_.front())) way_.pop_front();
             for (Sent& sent : way_) sent.arrives_s = sent.measured_s + inner_lag_s + 0.002;
@@ -203,7 +204,7 @@ private:
 
     void arrive(const Sent& sent, double at_s) {
         last_s_ = at_s;
-        if (at_s < closed_until_s_ || (when_closed == Closed::discards && sent.measured_s < closed_until_s_)) return;
+        if (at_s < closed_until_s_ || (discarded_ && sent.measured_s < closed_until_s_)) return;
         Frame frame;
         if (stream_.format != Stream::Format::numbers) {
             if (decode(sent, at_s, frame)) judge(frame, sent, at_s);
@@ -272,7 +273,7 @@ private:
     std::uint64_t device_us_seen_ = 0;
     double offset_us_, now_s_ = 1000, device_us_ = 0, temperature_ = 0, next_temperature_s_ = 0;
     double hold_until_s_ = 0, last_s_ = 0, left_s_ = 0, not_before_s_ = 0, pause_s_ = 1, closed_until_s_ = 0;
-    bool opening_ = true;
+    bool opening_ = true, discarded_ = true;
     LinkCounts counts_;
     AsciiDecoder lines_;
     CobsDecoder cobs_;

@@ -6,7 +6,7 @@
 namespace tactiled {
 namespace {
 
-// 10 % more frames a second. Without a look at the rate, the counter catches up with a lag that is still there.
+// The device sends 10 % more frames a second. The counter then seems to catch up with a lag that is still there.
 TEST(StreamAge, ACounterOfADeviceThatGotFasterProvesNothing) {
     Device device(network(), false);
     device.run(3000);
@@ -41,7 +41,7 @@ TEST(StreamAge, ALagThatIsCaughtUpEvenlyIsOverWhenTheRateIsAsBefore) {
     EXPECT_EQ(device.next().age, Age::proved);
 }
 
-// 1 % faster than the machine's clock, where 200 ppm are stated: it would run away from a lag of a second in 100 s.
+// The clock is 1 % faster than the machine's, and 200 ppm are stated: it would hide a lag of a second within 100 s.
 TEST(StreamAge, AClockThatIsFasterThanStatedProvesNothingUntilItsRateIsLearnedOverANewConnection) {
     for (const bool discards : {false, true}) {
         Device device(discards ? connection() : network());
