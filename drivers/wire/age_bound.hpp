@@ -248,7 +248,7 @@ private:
     double lowered_ns_ = 0;  // sum by which the reference was lowered, as far as neither drift nor jumps explain it
     double excess_ns_ = 0;   // by which a clock that is too fast may have lowered it since
     bool is_too_fast_ = false, has_fallen_ = false;
-    double other_wrap_ns_ = 0;  // back_ns_ of the last time; 0: none
+    double other_wrap_ns_ = 0;  // last value of back_ns_; 0: none
     bool wraps_early_ = false, has_wrapped_ = false;
     unsigned set_back_ = 0;
     double window_begin_ = 0, window_ns_ = kMinWindow_ns, window_min_ = 1e300;

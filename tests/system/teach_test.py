@@ -172,7 +172,7 @@ class Teach(unittest.TestCase):
         self.assertIn("the mass is in kg", grams.stderr)
         self.assertIn("for grams write 0.2", grams.stderr)
         self.assertRegex(grams.stderr, r"200 kg is [\d]+ times the 0\.(19|20)\d* kg that hang now")
-        self.assertFalse(self.node.grasp.scale_shown)  # nothing was set
+        self.assertFalse(self.node.grasp.scale_shown)  # unchanged
         self.assertEqual(self.daemon.ctl("weigh", "known", "0.21").returncode, 0)
         self.assertEqual(self.daemon.ctl("weigh", "known", "nan").returncode, 2)
         wait_for(lambda: abs(self.node.grasp.weight_kg - 0.21) < 0.001, 2, "the scale")
