@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
 
 #include "decoupling/fit/corrections.hpp"
 #include "decoupling/fit/mlp_network.hpp"
@@ -135,8 +136,16 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
     MlpSolver solver(used, best.network, best.decay);
     for (int step = 0; step < kStepsOfAStart && solver.step();) ++step;
     MlpNetwork network = solver.network();
+    std::string kept;
     for (Eigen::Index c = 0; c < components; ++c)
-        if (!(gain[c] < kWorth * kWorth)) network.output.row(c).setZero();
+        if (!(gain[c] < kWorth * kWorth)) {
+            network.output.row(c).setZero();
+            kept += (kept.empty() ? "" : ", ") + calibration.components[std::size_t(c)];
+        }
+    if (!kept.empty())
+        warnings.push_back(fmt::format("method mlp keeps method matrix for {}: the network lowers the error on the rows "
+                                       "left out by less than {:.0f} %",
+                                       kept, 100 * (1 - kWorth)));
 
     auto &layer1 = calibration.tables["layer1"], &layer2 = calibration.tables["layer2"];
     layer1.clear();

@@ -37,6 +37,26 @@ TEST(Mlp, NoRandomStartEndsAtZeroOrAboveItsAffinePart) {
     }
 }
 
+TEST(Mlp, ANetworkThatGainsNothingIsLeftOutAndNamed) {
+    const Labelled seen = waves(900, 3e-3, 1, false);
+    Rows rows;
+    for (const auto& row : seen.rows) rows.push_back(&row);
+    Calibration calibration;
+    calibration.model = "generic";
+    calibration.method = "mlp";
+    calibration.path = "mlp.toml";
+    calibration.channels = seen.channels;
+    calibration.components = {"fx", "fz"};
+    set_domain(rows, calibration);
+    std::vector<std::string> warnings;
+    find_fit("generic", "mlp")->fit(rows, calibration, warnings);
+    for (const auto& output : calibration.tables.at("layer2"))
+        EXPECT_TRUE(std::all_of(output.begin(), output.end(), [](double w) { return w == 0; }));
+    EXPECT_TRUE(std::any_of(warnings.begin(), warnings.end(), [](const std::string& text) {
+        return text.find("keeps method matrix for fx, fz") != std::string::npos;
+    }));
+}
+
 TEST(Mlp, IsRefusedWhereItGainsNothingOrHasMoreWeightsThanRows) {
     EXPECT_NE(refusal(waves(900, 3e-3, 1, false), by("mlp")).find("method mlp gains nothing"), std::string::npos);
     Labelled poses = waves(47 * 20, 1e-3, 1, true);
