@@ -143,9 +143,10 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
             kept += (kept.empty() ? "" : ", ") + calibration.components[std::size_t(c)];
         }
     if (!kept.empty())
-        warnings.push_back(fmt::format("method mlp keeps method matrix for {}: the network lowers the error on the rows "
-                                       "left out by less than {:.0f} %",
-                                       kept, 100 * (1 - kWorth)));
+        warnings.push_back(
+            fmt::format("method mlp keeps method matrix for {}: the network lowers the error on the rows "
+                        "left out by less than {:.0f} %",
+                        kept, 100 * (1 - kWorth)));
 
     auto &layer1 = calibration.tables["layer1"], &layer2 = calibration.tables["layer2"];
     layer1.clear();
