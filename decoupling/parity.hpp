@@ -9,8 +9,8 @@
 // the alarm, 400 judged ones in a row that do not end it. During the alarm each channel in turn is replaced by its
 // prediction. The only one with which all others agree again is the damaged one: the method goes on with its prediction, and
 // with the standard deviation that the calibration states for that. If several channels explain the residuals, nothing is
-// replaced, and the standard deviation contains what the damage of any of them would shift. If none explains them there is no
-// standard deviation.
+// replaced, and the standard deviation contains what the damage of any of them would shift. If none explains them there is
+// no standard deviation.
 #pragma once
 #include <bit>
 #include <cstdint>
