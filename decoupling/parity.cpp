@@ -14,11 +14,10 @@
 namespace tactiled {
 namespace {
 
-constexpr double kSkew = 0.5;             // share of the motion over the last samples that counts as a standard deviation
-constexpr int kOff = 400;                 // samples
-constexpr int kTests = 3;                 // tests of each channel before one is named
-constexpr std::size_t kPast = 3;          // readings; with the present one four
-constexpr double kUnknownDelay_s = 0.05;  // of a chain that does not state one: converters of many channels have more
+constexpr double kSkew = 0.5;     // share of the motion over the last samples that counts as a standard deviation
+constexpr int kOff = 400;         // samples
+constexpr int kTests = 3;         // tests of each channel before one is named
+constexpr std::size_t kPast = 3;  // readings; with the present one four
 
 class ParityChecked final : public Decoupler {
 public:
@@ -71,13 +70,12 @@ public:
     }
     void set_delay(double delay_s) noexcept override {
         // Channels may be converted one after the other: the oldest is then twice as old as the mean.
-        spacing_ns_ = spacing_ns(delay_s > 0 ? delay_s : kUnknownDelay_s);
+        spacing_ns_ = std::uint64_t(2 * delay_s / double(kPast) * 1e9);
         inner_->set_delay(delay_s);
     }
     [[nodiscard]] std::string_view method() const noexcept override { return inner_->method(); }
 
 private:
-    static std::uint64_t spacing_ns(double delay_s) { return std::uint64_t(2 * delay_s / double(kPast) * 1e9); }
     void set_domain(const JointDomain& domain) {
         if (domain.limit == 0) return;
         limit_squared_ = domain.limit * domain.limit;
@@ -120,7 +118,7 @@ private:
         for (std::size_t k = 0; k < n_; ++k) prediction[k] = sum[k];
     }
 
-    // The motion of each channel and of its prediction over twice the delay of the chain.
+    // The motion of each channel and of its prediction over the last samples, or over twice the delay of the chain.
     void follow_motion(std::uint64_t t_ns, const double* x, const double* prediction, double* motion) noexcept {
         for (std::size_t k = 0; k < n_; ++k) {
             double min = x[k], max = x[k], min_p = prediction[k], max_p = prediction[k];
@@ -232,7 +230,7 @@ private:
 
     std::array<std::vector<double>, kPast> past_;  // channels, then predictions
     std::size_t next_ = 0, n_past_ = 0;
-    std::uint64_t past_ns_ = 0, spacing_ns_ = spacing_ns(kUnknownDelay_s);
+    std::uint64_t past_ns_ = 0, spacing_ns_ = 0;
     std::uint32_t recent_ = 0;  // bit i: i samples ago some channel disagreed
     int agreeing_ = 0;          // samples in a row
     bool is_alarmed_ = false;

@@ -4,13 +4,12 @@
 //
 // The prediction of a channel is judged where the others lie within their ranges and within their joint domain. Its residual
 // counts if it would shift some component by more than its standard deviation, and if it is more than kParityLimit of its
-// own standard deviations, to which the motion of channel and prediction over twice the delay of the chain is added (where
-// it is not known, over twice 0.05 s): channels are not converted at the same instant. Five samples of ten that count raise
-// the alarm, 400 judged ones in a row that do not end it. During the alarm each channel in turn is replaced by its
-// prediction. The only one with which all others agree again is the damaged one: the method goes on with its prediction, and
-// with the standard deviation that the calibration states for that. If several channels explain the residuals, nothing is
-// replaced, and the standard deviation contains what the damage of any of them would shift. If none explains them there is
-// no standard deviation.
+// own standard deviations, to which the motion of channel and prediction over the last samples is added: channels are not
+// converted at the same instant. Five samples of ten that count raise the alarm, 400 judged ones in a row that do not end
+// it. During the alarm each channel in turn is replaced by its prediction. The only one with which all others agree again is
+// the damaged one: the method goes on with its prediction, and with the standard deviation that the calibration states for
+// that. If several channels explain the residuals, nothing is replaced, and the standard deviation contains what the
+// damage of any of them would shift. If none explains them there is no standard deviation.
 #pragma once
 #include <bit>
 #include <cstdint>

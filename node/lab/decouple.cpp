@@ -24,6 +24,7 @@ constexpr double kPast_s = 1000;   // time by which rows may precede a first row
 struct Settings {
     std::string calibration, method, in = "-", out = "-";
     double budget_us = 10;  // for method auto
+    double delay_ms = 0;
     double saturates_below = -std::numeric_limits<double>::infinity();
     double saturates_above = std::numeric_limits<double>::infinity();
 };
@@ -50,6 +51,7 @@ int decouple(const Settings& settings) {
     const Calibration calibration = load_calibration(settings.calibration, problems);
     problems.throw_if_any();
     const auto decoupler = make_decoupler(calibration, settings.method, settings.budget_us);
+    decoupler->set_delay(settings.delay_ms * 1e-3);
     CsvReader csv(settings.in);
     const auto time = csv.find("t_s");
     if (!time) csv.refuse("has no column t_s");
@@ -97,6 +99,11 @@ void add_decouple(CLI::App& app, Run& run) {
     verb->add_option("--in", settings->in, "signals.csv: t_s and a column a channel; - is standard input")
         ->capture_default_str();
     verb->add_option("--out", settings->out, "forces.csv; - is standard output")->capture_default_str();
+    verb->add_option("--delay-ms", settings->delay_ms,
+                     "delay of the measuring chain, as in the configuration: channels that move meanwhile do not contradict "
+                     "each other")
+        ->check(CLI::NonNegativeNumber)
+        ->capture_default_str();
     verb->add_option("--saturates-below", settings->saturates_below,
                      "a channel at or below is saturated (unit of the calibration)");
     verb->add_option("--saturates-above", settings->saturates_above,

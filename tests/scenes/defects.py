@@ -24,6 +24,7 @@ NEEDED = 3            # scenes that each defect fails
 FIRST_SEED = 1001     # judging seeds
 FIRST_OTHER = 2001    # seeds that limits are made from
 MARGIN = 1.3          # limit over largest measured error
+DELAY_MS = {"capacitive_press": 50, "capacitive_shear": 50}  # converters that read the electrodes in turn; the daemon knows it
 
 
 def played(job):
@@ -37,7 +38,7 @@ def played(job):
         for sensor, expect in scene.expectations:
             calibration, forces = calibration_of(scene, expect, calibrations), folder / "forces.csv"
             method = ("--method", expect["method"]) if "method" in expect else ()
-            run_ctl("decouple", "--calibration", calibration, *method, "--in", signals[sensor], "--out", forces)
+            run_ctl("decouple", "--calibration", calibration, *method, "--delay-ms", DELAY_MS.get(path.stem, 0), "--in", signals[sensor], "--out", forces)
             series = read_forces(forces)
             begin_s, end_s = span_s(expect)
             if expect.get("tare", True):

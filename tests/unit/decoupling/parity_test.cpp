@@ -222,8 +222,8 @@ TEST(Parity, ChannelsThatCannotBeDistinguishedAreNotReplacedAndTheStandardDeviat
         const Estimate right = decoupler->decouple({.channel = channel, .t_ns = 2});
         channel[damaged] += 0.2;
         const Estimate shifted = make_decoupler(calibration)->decouple({.channel = channel, .t_ns = 1});  // no alarm yet
-        Estimate last;  // the step is no motion any more
-        for (std::uint64_t i = 1; i < 400; ++i) last = decoupler->decouple({.channel = channel, .t_ns = i * 1'000'000});
+        Estimate last;
+        for (std::uint64_t i = 1; i < 100; ++i) last = decoupler->decouple({.channel = channel, .t_ns = i * 1'000'000});
         EXPECT_EQ(last.quality, TACTILED_UNCERTAIN);
         EXPECT_NE(last.reasons & TACTILED_DISAGREEMENT, 0u);
         EXPECT_GT(last.sd[0], 5 * plain);
