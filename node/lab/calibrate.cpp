@@ -250,8 +250,10 @@ void add_calibrate(CLI::App& app, Run& run) {
     auto* own = verb->add_flag("--zero-per-session", settings->own_zeros,
                                "each session has its own zero, as after mounting; else found from the recording");
     verb->add_flag("--one-zero", settings->one_zero, "all sessions have the same zero")->excludes(own);
-    verb->add_flag("--parity,!--no-parity", settings->request.parity,
-                   "each channel is checked against its prediction from the others (the default), or not");
+    verb->add_flag(
+        "--parity", settings->request.parity,
+        "each channel is checked against its prediction from the others; loads, mountings and zeros beyond those of "
+        "the rows raise false alarms");
     verb->add_flag("--keep-outliers", settings->request.keep_outliers, "labels that look wrong are reported and used");
     verb->add_option("--saturates-below", settings->request.saturates_below,
                      "rows with a channel at or below this are left out (unit of the channels)");

@@ -201,7 +201,7 @@ void damage(const std::string& fit_file, const std::string& judge_file, const st
         {"exchanged", [&](auto& channel, std::size_t k) { std::swap(channel[pairs[k].first], channel[pairs[k].second]); }}};
     std::stringstream names(methods.empty() ? "matrix,quadratic,rbf,mlp" : methods);
     for (std::string method; std::getline(names, method, ',');) {
-        const FitReport report = fit(seen, {.model = "generic", .method = method, .serial = "", .date = ""});
+        const FitReport report = fit(seen, {.model = "generic", .method = method, .serial = "", .date = "", .parity = true});
         const Calibration& calibration = report.calibration;
         for (const std::string& warning : report.warnings) fmt::print("{}: {}\n", method, warning);
         fmt::print("{}: sd of unloading, of full scale:", method);
@@ -246,7 +246,7 @@ int main(int argc, char** argv) {
             return 0;
         }
         const std::vector<Contest> contests = all_contests(
-            folder, [](double) {}, model);
+            folder, [](double) {}, model, true);
         if (what == "coverage") coverage(contests);
         if (what == "costs") print_costs(contests);
         if (what == "damaged")

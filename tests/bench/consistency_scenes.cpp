@@ -42,7 +42,7 @@ Calibration calibrated(const fs::path& beside, const std::string& name, const st
         return calibration;
     }
     const ctl::CalibrationScene scene = ctl::read_calibration_scene((beside / name.substr(6)).string());
-    FitRequest request{.model = scene.model, .method = method, .serial = "", .date = ""};
+    FitRequest request{.model = scene.model, .method = method, .serial = "", .date = "", .parity = true};
     if (request.model.empty()) request.model = ctl::name_of(scene.scene.sensors.front().model);
     request.parameters = scene.known;
     if (!scene.influence.empty()) put_fit_option("influence", scene.influence, request);

@@ -212,7 +212,8 @@ Labelled of_three_forces(std::size_t n) {
 // Four channels of three forces: the residual could be that of any of them.
 TEST(Parity, ChannelsThatCannotBeDistinguishedAreNotReplacedAndTheStandardDeviationContainsTheDamageOfAny) {
     const auto calibration =
-        fit(of_three_forces(4), {.model = "generic", .method = "matrix", .serial = "", .date = ""}).calibration;
+        fit(of_three_forces(4), {.model = "generic", .method = "matrix", .serial = "", .date = "", .parity = true})
+            .calibration;
     ASSERT_EQ(calibration.parity.sd.size(), 4u);
     const Wrench load{0.2, 0.1, -0.3, kNaN, kNaN, kNaN};
     for (std::size_t damaged = 0; damaged < 4; ++damaged) {
@@ -238,7 +239,8 @@ TEST(Parity, ChannelsThatCannotBeDistinguishedAreNotReplacedAndTheStandardDeviat
 // One group of rows in ten has a channel with another gain, as after another mounting.
 TEST(Parity, IsLeftOutWithItsReasonWhereHeldOutRowsRaiseAnAlarm) {
     Labelled labelled = of_three_forces(5);
-    Calibration calibration = fit(labelled, {.model = "generic", .method = "matrix", .serial = "", .date = ""}).calibration;
+    Calibration calibration =
+        fit(labelled, {.model = "generic", .method = "matrix", .serial = "", .date = "", .parity = true}).calibration;
     ASSERT_FALSE(calibration.parity.sd.empty());
     Rows rows;
     std::vector<std::size_t> groups;
@@ -258,10 +260,11 @@ TEST(Parity, IsLeftOutWithItsReasonWhereHeldOutRowsRaiseAnAlarm) {
     EXPECT_TRUE(warnings[0].starts_with("no parity: ")) << warnings[0];
 }
 
-TEST(Parity, IsLeftOutOnRequest) {
+TEST(Parity, IsFittedOnRequestOnly) {
     FitRequest request{.model = "generic", .method = "matrix", .serial = "", .date = ""};
-    request.parity = false;
     EXPECT_TRUE(fit(of_three_forces(5), request).calibration.parity.sd.empty());
+    request.parity = true;
+    EXPECT_FALSE(fit(of_three_forces(5), request).calibration.parity.sd.empty());
 }
 
 // Three channels of three forces: no channel follows from the others.
