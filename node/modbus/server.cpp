@@ -169,8 +169,12 @@ void ModbusServer::stop_listening() noexcept {
     listener_ = -1;
 }
 
+// Fills the free places, or judges one client where there is none. The next cycle goes on, after it has closed clients
+// that hung up while they waited: they take no place from one that asks.
 void ModbusServer::accept_all(std::uint64_t now_ns) {
-    for (int n = 0; n < 64; ++n) {
+    const auto places = std::size_t(settings_.max_clients);
+    const std::size_t most = clients_.size() < places ? places - clients_.size() : 1;
+    for (std::size_t n = 0; n < most; ++n) {
         sockaddr_storage peer{};
         socklen_t size = sizeof peer;
         const int fd = ::accept4(listener_, reinterpret_cast<sockaddr*>(&peer), &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
