@@ -61,7 +61,7 @@ TEST(StreamAge, AClockThatIsFasterThanStatedProvesNothingUntilItsRateIsLearnedOv
 
 // The device and the link to it lose their power together.
 TEST(StreamAge, ALagThatBeginsWhileTheDeviceRestartsIsNotProvedUntilTheConnectionWasOpenedAgain) {
-    for (const std::uint64_t uptime_s : {100, 2500})  // beyond half of its 32 bits, too
+    for (const std::uint64_t uptime_s : {100u, 2500u})  // beyond half of its 32 bits, too
         for (const bool clock : {true, false}) {
             Device device(connection(), clock);
             device.clock_zero_ns = device.measured_ns - uptime_s * kS;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 namespace tactiled {
 namespace {
@@ -14,7 +15,7 @@ class ThermometerTest : public ::testing::Test {
 protected:
     // `seconds` of readings at 100 Hz; returns the last one.
     double read(double t_C, double seconds = 0.01) {
-        double last = NAN;
+        double last = std::numeric_limits<double>::quiet_NaN();
         for (int i = 0; i < int(std::lround(seconds * 100)); ++i) last = thermometer.judge(t_C, now_ns += kSecond / 100);
         return last;
     }
@@ -46,7 +47,7 @@ TEST_F(ThermometerTest, ARampFasterThanABoardWarmsUpIsDoubtful) {
 
 TEST_F(ThermometerTest, WithoutAReadingItHasNoValueAndMayChangeAsARoomDoes) {
     EXPECT_EQ(read(23), 23);
-    EXPECT_TRUE(std::isnan(read(NAN)));
+    EXPECT_TRUE(std::isnan(read(std::numeric_limits<double>::quiet_NaN())));
     now_ns += 2 * kSecond;
     EXPECT_TRUE(std::isnan(read(28)));  // plugged into another one
     EXPECT_TRUE(std::isnan(read(28, 600)));
