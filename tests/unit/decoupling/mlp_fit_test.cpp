@@ -12,18 +12,23 @@
 namespace tactiled {
 namespace {
 
+Calibration of_waves(const Labelled& labelled) {
+    Calibration calibration;
+    calibration.model = "generic";
+    calibration.method = "mlp";
+    calibration.path = "mlp.toml";
+    calibration.channels = labelled.channels;
+    calibration.components = {"fx", "fz"};
+    return calibration;
+}
+
 TEST(Mlp, NoRandomStartEndsAtZeroOrAboveItsAffinePart) {
     const Labelled seen = waves(900, 3e-3, 1, true), unseen = waves(500, 3e-3, 2, true);
     Rows rows, others;
     for (const auto& row : seen.rows) rows.push_back(&row);
     for (const auto& row : unseen.rows) others.push_back(&row);
     for (int seed = 1; seed <= 25; ++seed) {
-        Calibration calibration;
-        calibration.model = "generic";
-        calibration.method = "mlp";
-        calibration.path = "mlp.toml";
-        calibration.channels = seen.channels;
-        calibration.components = {"fx", "fz"};
+        Calibration calibration = of_waves(seen);
         calibration.parameters = {{"seed", double(seed)}};
         set_domain(rows, calibration);
         std::vector<std::string> warnings;
@@ -41,12 +46,7 @@ TEST(Mlp, ANetworkThatGainsNothingIsLeftOutAndNamed) {
     const Labelled seen = waves(900, 3e-3, 1, false);
     Rows rows;
     for (const auto& row : seen.rows) rows.push_back(&row);
-    Calibration calibration;
-    calibration.model = "generic";
-    calibration.method = "mlp";
-    calibration.path = "mlp.toml";
-    calibration.channels = seen.channels;
-    calibration.components = {"fx", "fz"};
+    Calibration calibration = of_waves(seen);
     set_domain(rows, calibration);
     std::vector<std::string> warnings;
     find_fit("generic", "mlp")->fit(rows, calibration, warnings);
