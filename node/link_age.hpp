@@ -9,6 +9,7 @@
 
 #include "drivers/clock.hpp"
 #include "drivers/driver.hpp"
+#include "drivers/wire/reopening_pace.hpp"
 #include "drivers/wire/stream_age.hpp"
 
 namespace tactiled {
@@ -20,11 +21,14 @@ public:
         devices_.push_back(std::make_unique<Device>(device, StreamAge(rate_Hz, rate_tolerance, stale_ns)));
     }
 
+    // The link was opened at `now_ns`, and no frame has been read since. rt: wait-free
+    void opened(std::uint64_t now_ns) noexcept { opened_ns_ = host_ns(now_ns); }
+
     // Dates a frame of `driver` that has just been read. rt: wait-free
     void judge(Frame& frame, const Driver& driver) noexcept {
         if (const std::uint32_t opened = driver.counts[TACTILED_LINK_OPENED]; opened != opened_) {
             opened_ = opened;
-            for (auto& each : devices_) each->age.open(driver.route());
+            for (auto& each : devices_) each->age.open(driver.route(), opened_ns_);
         }
         frame.age = Frame::Age::proved;
         frame.late_ns = 0;
@@ -39,18 +43,15 @@ public:
     }
 
     // Returns true once if the age has not been proved for a while, or has been too large, and opening the link again
-    // discards the delayed data. At most once a second, and less often if it does not help. rt: wait-free
+    // discards the delayed data. rt: wait-free
     [[nodiscard]] bool asks_for_reopening() noexcept {
         if (std::none_of(devices_.begin(), devices_.end(), [](const auto& each) { return each->age.is_in_trouble(); }))
             return false;
         const std::uint64_t now = host_ns(now_ns());
-        if (std::none_of(devices_.begin(), devices_.end(),
-                         [now](const auto& each) { return each->age.asks_for_reopening(now); }))
-            return false;
-        if (now < not_before_ns_) return false;
-        pause_ns_ = now > not_before_ns_ + 10 * pause_ns_ ? kMinPause_ns : std::min(2 * pause_ns_, kMaxPause_ns);
-        not_before_ns_ = now + pause_ns_;
-        return true;
+        std::uint64_t since_ns = 0;
+        for (const auto& each : devices_)
+            if (each->age.asks_for_reopening(now)) since_ns = std::max(since_ns, each->age.trouble_ns());
+        return since_ns != 0 && pace_.allows(now, since_ns);
     }
 
     // How long the link should stay closed now. rt: wait-free
@@ -69,8 +70,6 @@ public:
     }
 
 private:
-    static constexpr std::uint64_t kMinPause_ns = 1'000'000'000, kMaxPause_ns = 60'000'000'000;
-
     struct Device {
         Device(std::uint16_t n, const StreamAge& a) : number(n), age(a) {}
         std::uint16_t number;
@@ -79,7 +78,8 @@ private:
     };
     std::vector<std::unique_ptr<Device>> devices_;
     std::uint32_t opened_ = ~0u;
-    std::uint64_t not_before_ns_ = 0, pause_ns_ = kMinPause_ns;
+    std::uint64_t opened_ns_ = 0;  // host time of the opening; 0: not known
+    ReopeningPace pace_;
 };
 
 }  // namespace tactiled

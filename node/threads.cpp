@@ -157,6 +157,7 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
             continue;
         }
         ++counts[TACTILED_LINK_OPENED];
+        link.age.opened(monotonic_ns());
         if (announce) log_line(LogLevel::info, "link \"{}\": open", link.name);
         segment_.set_link_state(link.index, TACTILED_LINK_OPEN);
         link.connected.store(true, std::memory_order_release);

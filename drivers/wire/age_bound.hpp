@@ -62,13 +62,15 @@ public:
         if (ahead < 0) {
             if (back_ns_ <= 0) {
                 before_back_ = x_;
-                late_before_back_ = x_ - reference_;
+                // and later, if it came later after the one before than the device's frames follow each other
+                late_before_back_ = x_ - reference_ + std::max(step - ahead_ns_, 0.0);
             }
             back_ns_ = step - ahead;
             back_silence_ns_ = step;
             back_since_ = t_;
             min_since_back_ = first_since_back_ = x_ + back_ns_ - slope_ * t_;
         }
+        ahead_ns_ = ahead;
         x_ += step - ahead;
         min_since_back_ = std::min(min_since_back_, x_ - slope_ * t_);
         if (back_ns_ > 0 && x_ - before_back_ < (first_since_back_ + slope_ * t_ - before_back_) / 2)
@@ -241,6 +243,7 @@ private:
     std::uint64_t host_ns_ = 0, device_ns_ = 0;
     double t_ = 0, x_ = 0, reference_ = 0;  // since the first frame
     double slope_ = 0, uncertainty_;
+    double ahead_ns_ = 0;  // last step of the device's clock
     double back_ns_ = 0;  // x rose by this because the device's clock went back; 0: it did not
     double back_silence_ns_ = 0;
     double before_back_ = 0, late_before_back_ = 0, back_since_ = 0;  // x, the lateness and t_ before

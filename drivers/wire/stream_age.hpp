@@ -31,8 +31,9 @@ public:
     StreamAge(double rate_Hz, double rate_tolerance, std::uint64_t stale_ns)
         : declared_ns_(rate_Hz > 0 ? 1e9 / rate_Hz : 0), tolerance_(rate_tolerance), stale_ns_(double(stale_ns)) {}
 
-    // Begins again for an opened link with this path. rt: wait-free
-    void open(const Route& route) noexcept;
+    // Begins again for a link with this path that was opened at `opened_ns` of the host's time, 0 = not known. rt:
+    // wait-free
+    void open(const Route& route, std::uint64_t opened_ns = 0) noexcept;
 
     // Sets t_ns, late_ns and age of `frame`, which was read from the kernel at `frame.taken_ns`. `host_ns` is the
     // same time on a clock without corrections that also runs while the machine is suspended. Every frame of the
@@ -47,6 +48,8 @@ public:
     }
     // The age is not proved, or too large. rt: wait-free
     [[nodiscard]] bool is_in_trouble() const noexcept { return trouble_ns_ != 0 && route_.reopening_discards; }
+    // Host time since which the age is not proved or too large; 0: it is proved. rt: wait-free
+    [[nodiscard]] std::uint64_t trouble_ns() const noexcept { return trouble_ns_; }
     // How long the link should stay closed when it is opened again: the frames that a path discards meanwhile must be seen
     // to be missing. rt: wait-free
     [[nodiscard]] std::uint64_t closed_ns() const noexcept {
@@ -74,6 +77,7 @@ private:
     // For a lag of this size, a device that got faster would be seen within the time that the lag took to be caught up.
     static constexpr double kSettled_ns = 160e6;
     static constexpr double kShortCounter_ns = 60e9;
+    static constexpr double kMaxWait_ns = 5e9;
     static constexpr double kMinClosed_ns = 200e6, kMaxClosed_ns = 2e9, kMissingFrames = 4;
     static constexpr unsigned kLearnFrames = 10;
 
@@ -82,6 +86,9 @@ private:
     void by_arrival(Frame& frame, std::uint64_t host_ns) noexcept;
     void by_cable(Frame& frame) noexcept;
     void backdate(Frame& frame, double late_ns) noexcept;
+    [[nodiscard]] double range_ns(const Frame& frame) const noexcept {
+        return std::ldexp(period_ns_, frame.sequence_bits);
+    }
     void learn_rate(double advance, std::uint64_t host_ns) noexcept;
     [[nodiscard]] bool has_settled(double late, std::uint64_t host_ns) noexcept;
     [[nodiscard]] double frames_since(const Frame& frame, double silence_ns) const noexcept;
@@ -90,6 +97,12 @@ private:
     // `late_ns` of a path that keeps its frames has grown by the time for which it was closed.
     [[nodiscard]] bool has_discarded(double late_ns) const noexcept {
         return is_reopened_ && route_.reopening_discards && late_ns < late_ns_ + kLate_ns;
+    }
+    // The first frame after the opening has come later than ever before, by more than its device and jitter explain: the
+    // path may have held it, and nothing that the opening discarded shows its age.
+    [[nodiscard]] bool has_waited(std::uint64_t host_ns) const noexcept {
+        return is_reopened_ && opened_ns_ != 0 && period_ns_ > 0 &&
+               double(host_ns - opened_ns_) > wait_ns_ + std::max(3 * period_ns_, kLate_ns);
     }
     void put_trouble(bool is_trouble, std::uint64_t host_ns) noexcept {
         trouble_ns_ = !is_trouble ? 0 : trouble_ns_ == 0 ? host_ns : trouble_ns_;
@@ -101,7 +114,9 @@ private:
     AgeBound bound_;
     bool has_clock_ = false, is_unproved_ = false, is_reopened_ = false, has_frame_ = false;
     std::uint64_t t_ns_ = 0, host_ns_ = 0;  // of the previous frame
-    std::uint64_t trouble_ns_ = 0;          // host time since which the age is not proved or too large; 0 = it is proved
+    std::uint64_t trouble_ns_ = 0;
+    std::uint64_t opened_ns_ = 0;    // host time; 0: not known, or a frame has come since
+    double wait_ns_ = kMaxWait_ns;  // shortest time from an opening to its first frame
 
     std::uint64_t device_time_us_ = 0;      // the latest one
     double late_ns_ = 0, interval_us_ = 0;  // lateness of the frame before; mean interval of the device's times
@@ -117,9 +132,11 @@ private:
     double max_late_ns_ = 0;          // the largest lateness in this lag
     std::uint64_t max_late_at_ = 0;   // when it was so late, by a tenth
     std::uint64_t settle_until_ = 0;  // 0: no lag has been caught up
+    std::uint64_t punctual_ns_ = 0;   // host time of the last frame before the lag, and the uncertainty of the rate then
+    double uncertainty_ = 0;
 };
 
-inline void StreamAge::open(const Route& route) noexcept {
+inline void StreamAge::open(const Route& route, std::uint64_t opened_ns) noexcept {
     const bool first = proof_ == Proof::unknown && !has_frame_;
     const bool other = route.path != route_.path || route.clock_ppm != route_.clock_ppm;
     route_ = route;
@@ -129,6 +146,7 @@ inline void StreamAge::open(const Route& route) noexcept {
     }
     is_reopened_ = has_frame_;
     trouble_ns_ = 0;
+    opened_ns_ = opened_ns;
 }
 
 inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
@@ -149,6 +167,8 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
         by_sequence(frame, host_ns);
     else
         by_arrival(frame, host_ns);
+    if (opened_ns_ != 0) wait_ns_ = std::min(wait_ns_, double(host_ns - std::min(opened_ns_, host_ns)));
+    opened_ns_ = 0;
     has_frame_ = true;
     is_reopened_ = false;
     host_ns_ = host_ns;
@@ -337,8 +357,14 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         is_unproved_ = true;
         max_late_ns_ = 0;
         settle_until_ = 0;
+        punctual_ns_ = host_ns_;
+        uncertainty_ = bound_.uncertainty();
     }
-    if (late_is_known && is_unproved_ && !must_reopen_) is_unproved_ = !has_settled(late, host_ns);
+    if (late_is_known && is_unproved_ && !must_reopen_ && has_settled(late, host_ns)) {
+        // A rate that is known badly, for as long as the lag was, leaves a rest of the lag possible.
+        must_reopen_ = uncertainty_ * double(host_ns - punctual_ns_) > kLate_ns;
+        is_unproved_ = must_reopen_;
+    }
     if (late_is_known && bound_.is_too_fast()) {  // the counter is no clock any more: its rate must be measured anew
         is_unproved_ = true;
         late_is_known = false;
@@ -350,7 +376,8 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
     // The device had paused: its counter is behind as before, and the path held nothing that opening it again discarded. A
     // lag of which a part was discarded is judged by the rest of it.
     const bool had_paused = !late_is_known || late > late_ns_ - kLate_ns;
-    if (is_unproved_ && had_paused && has_discarded(late)) {
+    const bool may_have_waited = has_waited(host_ns) && (!late_is_known || range_ns(frame) < kShortCounter_ns);
+    if (is_unproved_ && had_paused && has_discarded(late) && !may_have_waited) {
         bound_.restart();
         late = 0;
         is_unproved_ = must_reopen_ = false;
@@ -374,7 +401,7 @@ inline void StreamAge::by_arrival(Frame& frame, std::uint64_t host_ns) noexcept 
         }
         if (period_ns_ <= 0) period_ns_ = silence_ns;  // a slow device: its first interval
     }
-    if (is_reopened_) is_unproved_ = !route_.reopening_discards;
+    if (is_reopened_) is_unproved_ = !route_.reopening_discards || has_waited(host_ns);
     if (frame.since_ns != 0 && frame.since_ns < frame.t_ns) {
         backdate(frame, double(frame.taken_ns - frame.since_ns));
         is_unproved_ = true;

@@ -10,6 +10,7 @@
 
 #include "drivers/wire/ascii_line.hpp"
 #include "drivers/wire/cobs_frame.hpp"
+#include "drivers/wire/reopening_pace.hpp"
 #include "drivers/wire/stream_age.hpp"
 
 namespace tactiled::faults {
@@ -135,7 +136,8 @@ private:
     };
 
     void open() {
-        age_.open({stream_.path, true, stream_.reopening_discards, 200});
+        age_.open({stream_.path, true, stream_.reopening_discards, 200},
+                  std::uint64_t(std::max(closed_until_s_, now_s_) * 1e9));
         lines_.reset();
         cobs_.reset();
         opening_ = true;
@@ -164,10 +166,9 @@ private:
             arrive(first, at_s);
         }
         // The link's thread looks each period, too.
-        if (stream_.reopening_discards && age_.asks_for_reopening(std::uint64_t(now_s_ * 1e9)) && now_s_ > not_before_s_) {
+        const auto now_ns = std::uint64_t(now_s_ * 1e9);
+        if (stream_.reopening_discards && age_.asks_for_reopening(now_ns) && pace_.allows(now_ns, age_.trouble_ns())) {
             ++tally.reopened;
-            pause_s_ = now_s_ > not_before_s_ + 10 * pause_s_ ? 1 : std::min(2 * pause_s_, 60.0);  // see node/link_age.hpp
-            not_before_s_ = now_s_ + pause_s_;
             reopen();
         }
     }
@@ -269,10 +270,11 @@ private:
     Stream stream_;
     std::mt19937_64 random_;
     StreamAge age_;
+    ReopeningPace pace_;
     std::uint32_t sequence_, before_ = 0;
     std::uint64_t device_us_seen_ = 0;
     double offset_us_, now_s_ = 1000, device_us_ = 0, temperature_ = 0, next_temperature_s_ = 0;
-    double hold_until_s_ = 0, last_s_ = 0, left_s_ = 0, not_before_s_ = 0, pause_s_ = 1, closed_until_s_ = 0;
+    double hold_until_s_ = 0, last_s_ = 0, left_s_ = 0, closed_until_s_ = 0;
     bool opening_ = true, discarded_ = true;
     LinkCounts counts_;
     AsciiDecoder lines_;
