@@ -52,7 +52,7 @@ public:
             wraps_early_ = true;
         } else if (limits_.wrap_ns > 0 && wraps_early_ && is_early_wrap(device_ns, device_ns_)) {
             ahead -= kEarlyWrap_ns;  // a frame of before
-        } else if (limits_.wrap_ns > 0 && ahead < 0 &&
+        } else if (limits_.wrap_ns > 0 && ahead < 0 && double(device_ns) < step + kWrapError_ns + 2 * ahead_ns_ &&
                    (std::abs(step - ahead - other_wrap_ns_) < kWrapError_ns || is_other_wrap(step, device_ns))) {
             ahead += other_wrap_ns_;
             has_wrapped_ = true;
@@ -96,6 +96,9 @@ public:
     // The device's clock advances faster than its rate and its uncertainty allow, by more than 60 ms in sum: while that goes
     // on, a lag that begins is not seen. It is not forgotten. rt: wait-free
     [[nodiscard]] bool is_too_fast() const noexcept { return is_too_fast_; }
+
+    // Host time less the device's time, since the first frame. rt: wait-free
+    [[nodiscard]] double offset_ns() const noexcept { return x_; }
 
     // How often the device's clock was set back, and has stayed so.
     [[nodiscard]] unsigned set_back() const noexcept { return set_back_; }

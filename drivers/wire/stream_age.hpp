@@ -76,6 +76,9 @@ private:
     static constexpr double kFaster = 0.5;  // largest part by which a device gets faster than its rate
     // For a lag of this size, a device that got faster would be seen within the time that the lag took to be caught up.
     static constexpr double kSettled_ns = 160e6;
+    static constexpr double kMinSettle_ns = 50e6;     // frames that were kept come faster one after the other
+    static constexpr double kFallen_ns = 60e6;        // more than jitter
+    static constexpr double kHiddenByRate_ns = 96e6;  // what AgeBound::is_too_fast() and jitter allow a wrong rate to hide
     static constexpr double kShortCounter_ns = 60e9;
     static constexpr double kMaxWait_ns = 5e9;
     static constexpr double kMinClosed_ns = 200e6, kMaxClosed_ns = 2e9, kMissingFrames = 4;
@@ -132,8 +135,9 @@ private:
     double max_late_ns_ = 0;          // the largest lateness in this lag
     std::uint64_t max_late_at_ = 0;   // when it was so late, by a tenth
     std::uint64_t settle_until_ = 0;  // 0: no lag has been caught up
-    std::uint64_t punctual_ns_ = 0;   // host time of the last frame before the lag, and the uncertainty of the rate then
-    double uncertainty_ = 0;
+    double settle_offset_ns_ = 0;     // offset of host and counter when it began to settle
+    std::uint64_t known_ns_ = 0;      // host time since which the rate is as it was learnt
+    std::uint64_t punctual_ns_ = 0;   // host time of the last frame that was proved
 };
 
 inline void StreamAge::open(const Route& route, std::uint64_t opened_ns) noexcept {
@@ -301,10 +305,11 @@ inline void StreamAge::learn_rate(double advance, std::uint64_t host_ns) noexcep
     if (max_period_ns_ > 0) period_ns_ = std::min(period_ns_, max_period_ns_);
     bound_ = AgeBound({.max_drift = kMaxRateError, .wander = route_.clock_ppm * 0.2e-6, .held_share = 0, .excess = kFaster});
     counted_ = 0;
+    known_ns_ = host_ns;
 }
 
 // A lag has been caught up if the frames come no longer faster than the device's rate: else the device has got faster, and
-// the lag is still there. A lag that is caught up faster than a device gets needs no time.
+// the lag is still there.
 inline bool StreamAge::has_settled(double late, std::uint64_t host_ns) noexcept {
     if (late > 0.9 * max_late_ns_) {
         max_late_ns_ = std::max(max_late_ns_, late);
@@ -314,10 +319,17 @@ inline bool StreamAge::has_settled(double late, std::uint64_t host_ns) noexcept 
         if (late > kLate_ns) settle_until_ = 0;
         return settle_until_ != 0 && host_ns > settle_until_;
     }
-    const auto took_ns = double(host_ns - max_late_at_);
-    if (settle_until_ == 0)
-        settle_until_ =
-            host_ns + (took_ns > max_late_ns_ / kFaster ? std::uint64_t(took_ns / max_late_ns_ * kSettled_ns) : 0);
+    // While the offset falls, there is still something to catch up.
+    if (settle_until_ == 0 || bound_.offset_ns() < settle_offset_ns_ - kFallen_ns) {
+        const auto took_ns = double(host_ns - max_late_at_), lasted_ns = double(host_ns - punctual_ns_);
+        double settle_ns = kMinSettle_ns;
+        if (took_ns > max_late_ns_ / kFaster) settle_ns = std::max(settle_ns, took_ns / max_late_ns_ * kSettled_ns);
+        // An error of the rate hides a part of the lag, and is seen in the end in twice the time that the lag lasted.
+        const double error = std::max(bound_.uncertainty(), kHiddenByRate_ns / double(punctual_ns_ - known_ns_ + 1));
+        if (std::min(error, kMaxRateError) * lasted_ns > kLate_ns) settle_ns = std::max(settle_ns, 2 * lasted_ns);
+        settle_until_ = host_ns + std::uint64_t(settle_ns);
+        settle_offset_ns_ = bound_.offset_ns();
+    }
     return host_ns >= settle_until_;
 }
 
@@ -357,14 +369,8 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         is_unproved_ = true;
         max_late_ns_ = 0;
         settle_until_ = 0;
-        punctual_ns_ = host_ns_;
-        uncertainty_ = bound_.uncertainty();
     }
-    if (late_is_known && is_unproved_ && !must_reopen_ && has_settled(late, host_ns)) {
-        // A rate that is known badly, for as long as the lag was, leaves a rest of the lag possible.
-        must_reopen_ = uncertainty_ * double(host_ns - punctual_ns_) > kLate_ns;
-        is_unproved_ = must_reopen_;
-    }
+    if (late_is_known && is_unproved_ && !must_reopen_) is_unproved_ = !has_settled(late, host_ns);
     if (late_is_known && bound_.is_too_fast()) {  // the counter is no clock any more: its rate must be measured anew
         is_unproved_ = true;
         late_is_known = false;
@@ -381,12 +387,15 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         bound_.restart();
         late = 0;
         is_unproved_ = must_reopen_ = false;
-        learn_ns_ = host_ns;
+        known_ns_ = learn_ns_ = host_ns;
         learn_frames_ = 0;
     }
     late_ns_ = late;
     frame.age = is_unproved_ ? Frame::Age::unproved : Frame::Age::proved;
-    if (!is_unproved_) backdate(frame, late);
+    if (!is_unproved_) {
+        punctual_ns_ = host_ns;
+        backdate(frame, late);
+    }
     put_trouble(is_unproved_, host_ns);
 }
 
