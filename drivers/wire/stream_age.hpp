@@ -89,10 +89,10 @@ private:
     void by_arrival(Frame& frame, std::uint64_t host_ns) noexcept;
     void by_cable(Frame& frame) noexcept;
     void backdate(Frame& frame, double late_ns) noexcept;
-    [[nodiscard]] double range_ns(const Frame& frame) const noexcept {
-        return std::ldexp(period_ns_, frame.sequence_bits);
-    }
+    [[nodiscard]] double range_ns(const Frame& frame) const noexcept { return std::ldexp(period_ns_, frame.sequence_bits); }
     void learn_rate(double advance, std::uint64_t host_ns) noexcept;
+    void measure_rate(std::uint64_t host_ns) noexcept;
+    void begin_to_count() noexcept;
     [[nodiscard]] bool has_settled(double late, std::uint64_t host_ns) noexcept;
     [[nodiscard]] double frames_since(const Frame& frame, double silence_ns) const noexcept;
     [[nodiscard]] bool seems_restarted(const Frame& frame, double late_ns) const noexcept;
@@ -118,7 +118,7 @@ private:
     bool has_clock_ = false, is_unproved_ = false, is_reopened_ = false, has_frame_ = false;
     std::uint64_t t_ns_ = 0, host_ns_ = 0;  // of the previous frame
     std::uint64_t trouble_ns_ = 0;
-    std::uint64_t opened_ns_ = 0;    // host time; 0: not known, or a frame has come since
+    std::uint64_t opened_ns_ = 0;   // host time; 0: not known, or a frame has come since
     double wait_ns_ = kMaxWait_ns;  // shortest time from an opening to its first frame
 
     std::uint64_t device_time_us_ = 0;      // the latest one
@@ -131,6 +131,8 @@ private:
     double counted_ = 0;          // frames since the first one
     std::uint64_t learn_ns_ = 0;  // host time of the first frame that period_ns_ is learnt from
     double learn_frames_ = 0;
+    std::uint64_t proved_at_ns_ = 0;  // host time of the first frame of an opening that proved it; 0: none
+    double proved_frames_ = 0;        // counted since
     bool must_reopen_ = false;        // no number can prove the age until then
     double max_late_ns_ = 0;          // the largest lateness in this lag
     std::uint64_t max_late_at_ = 0;   // when it was so late, by a tenth
@@ -303,9 +305,31 @@ inline void StreamAge::learn_rate(double advance, std::uint64_t host_ns) noexcep
     if (declared_ns_ > 0)
         period_ns_ = std::clamp(period_ns_, declared_ns_ / (1 + tolerance_), declared_ns_ * (1 + tolerance_));
     if (max_period_ns_ > 0) period_ns_ = std::min(period_ns_, max_period_ns_);
+    begin_to_count();
+    known_ns_ = host_ns;
+}
+
+// The first frames of two connections were on time: what the device has counted in between is its rate, also where a bridge
+// was slower. A device that paused shows none.
+inline void StreamAge::measure_rate(std::uint64_t host_ns) noexcept {
+    const auto elapsed_ns = double(host_ns - proved_at_ns_);
+    if (proved_at_ns_ != 0 && elapsed_ns < kLearn_ns) return;
+    if (proved_at_ns_ != 0 && proved_frames_ >= kLearnFrames && period_ns_ > 0) {
+        double measured_ns = elapsed_ns / proved_frames_;
+        if (declared_ns_ > 0)
+            measured_ns = std::clamp(measured_ns, declared_ns_ / (1 + tolerance_), declared_ns_ * (1 + tolerance_));
+        if (std::abs(measured_ns - period_ns_) * proved_frames_ > kHiddenByRate_ns) {
+            period_ns_ = max_period_ns_ = measured_ns;
+            begin_to_count();
+        }
+    }
+    proved_at_ns_ = host_ns;
+    proved_frames_ = 0;
+}
+
+inline void StreamAge::begin_to_count() noexcept {
     bound_ = AgeBound({.max_drift = kMaxRateError, .wander = route_.clock_ppm * 0.2e-6, .held_share = 0, .excess = kFaster});
     counted_ = 0;
-    known_ns_ = host_ns;
 }
 
 // A lag has been caught up if the frames come no longer faster than the device's rate: else the device has got faster, and
@@ -339,6 +363,9 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
     const double advance = has_frame_ ? frames_since(frame, silence_ns) : 0;
     sequence_ = frame.sequence;
     if (!has_frame_) learn_ns_ = host_ns;
+    proved_frames_ += advance;
+    if (advance == 0 || (!is_reopened_ && silence_ns > kLate_ns + advance * std::max(period_ns_, max_period_ns_)))
+        proved_at_ns_ = 0;
     double late = 0;
     bool late_is_known = false;
     if (period_ns_ <= 0) {  // not yet known: a silence alone shows a lag
@@ -350,6 +377,9 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
                                    : max_period_ns_ > 0 ? max_period_ns_
                                                         : declared_ns_;
             if (silence_ns > advance * std::max(3 * mean_ns, kLate_ns)) is_unproved_ = true;
+            // After it got faster, the device was never as slow as it seems now.
+            if (max_period_ns_ > 0 && double(host_ns - learn_ns_) - (learn_frames_ + advance) * max_period_ns_ > kLate_ns)
+                is_unproved_ = true;
             if (!is_unproved_) learn_rate(advance, host_ns);  // a rate over a silence, or a backlog, is not the device's
             if (is_reopened_ && advance * mean_ns < silence_ns / 2) late = silence_ns + kLate_ns;  // nothing was discarded
         }
@@ -389,6 +419,7 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         is_unproved_ = must_reopen_ = false;
         known_ns_ = learn_ns_ = host_ns;
         learn_frames_ = 0;
+        measure_rate(host_ns);
     }
     late_ns_ = late;
     frame.age = is_unproved_ ? Frame::Age::unproved : Frame::Age::proved;

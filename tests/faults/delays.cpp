@@ -264,6 +264,51 @@ void clock_beyond_its_limits(FreshnessRun& run, std::mt19937_64& random) {
     }
 }
 
+// A device that sends several frames at once has a lag, too.
+void bursts_in_a_lag(FreshnessRun& run, std::mt19937_64& random) {
+    run.burst = 2 + unsigned(random() % 2);
+    run.run_s(between(random, 5, 30));
+    slow_bridge(run, random);
+    run.burst = 1;
+    run.run_s(20);
+}
+
+// A counter of all measurements, of which each second one is sent.
+void counts_by_two(FreshnessRun& run, std::mt19937_64& random) {
+    run.counts_by = 2;
+    run.run_s(between(random, 5, 60));
+    slow_bridge(run, random);
+    run.counts_by = 1;
+    run.run_s(60);
+}
+
+// The bridge catches up, except for a part.
+void lag_that_ends_in_part(FreshnessRun& run, std::mt19937_64& random) {
+    const double lag_s = between(random, 0.5, 10);
+    run.extra_lag_s = lag_s;
+    run.run_s(between(random, 5, 60));
+    run.extra_lag_s = lag_s * between(random, 0.05, 0.6);
+    run.run_s(between(random, 5, 60));
+    run.extra_lag_s = 0;
+    run.run_s(30);
+}
+
+// The device gets as fast as it was, and then a bridge is slower than the device.
+void slower_bridge_at_the_old_rate(FreshnessRun& run, std::mt19937_64& random) {
+    run.rate_factor = between(random, 1.05, 1.19);
+    run.run_s(between(random, 10, 60));
+    run.rate_factor = 1;
+    run.run_s(between(random, 1, 30));
+    slower_bridge(run, random);
+}
+
+// The connection is opened again for another reason, and is down before its first frame.
+void down_after_opening(FreshnessRun& run, std::mt19937_64& random) {
+    run.reopen();
+    run.run_s(0.2);
+    link_down(run, random);
+}
+
 // While its rate is measured, the device seems to be slower than it is.
 void slower_bridge_at_first(FreshnessRun& run, std::mt19937_64& random) {
     const double share = between(random, 0.05, 0.2), for_s = between(random, 2, 5);
@@ -283,8 +328,8 @@ const std::vector<Kind> kKinds = {
     {"reopened in a lag, the relay keeps all", relay_that_keeps, kByCountersAndPty},
     {"the path drops what its buffer cannot hold", short_buffer},
     {"frames lost", lost_frames},
-    {"frames swapped", swapped_frames},
-    {"frames swapped in a lag", swapped_in_a_lag},
+    {"frames swapped", swapped_frames, kByCounters},
+    {"frames swapped in a lag", swapped_in_a_lag, kByCounters},
     {"an old frame under a new number", old_frame, kByClocks},
     {"the device's clock jumps", clock_jumps},
     {"the device's clock jumps ahead in a lag", clock_jumps_in_a_lag, kByAll, 100},
@@ -304,6 +349,11 @@ const std::vector<Kind> kKinds = {
     {"the device gets slower in a lag", slower_in_a_lag, kByCounters},
     {"a clock beyond clock_ppm, then a bridge is late", clock_beyond_its_limits, kByAll, 0, true},
     {"the device restarts while the link is down", restart_while_down, kByTcp},
+    {"bursts of 2 or 3 frames, then a bridge is late", bursts_in_a_lag},
+    {"a counter that counts by two, then a late bridge", counts_by_two, kByCounters},
+    {"a lag of which a part remains", lag_that_ends_in_part},
+    {"back to the old rate, then a slower bridge", slower_bridge_at_the_old_rate, kByCounters},
+    {"the link is down after it was opened", down_after_opening},
     {"a bridge slower than the device at first", slower_bridge_at_first, kByClocks, 0, true},
     {"a lag at the first frame", lag_at_the_first_frame, kByNone, 0, true},
     {"a lag that grows by 150 ppm", lag_that_grows_slowly, kByNone},

@@ -67,17 +67,19 @@ public:
 
     // The path keeps what is sent from now on until then, and releases it at once.
     void hold_until(double t_s) { hold_until_s_ = t_s; }
-    bool pauses = false;         // the device measures and sends nothing
-    bool forwards_old = false;   // its next frame is one of a second ago under a new number
-    double drop = 0, swap = 0;   // rates
-    double extra_lag_s = 0;      // a bridge that is as fast as the device and has a backlog
-    double inner_lag_s = 0;      // another one before it, which does not learn that the link was closed
-    double retime = 0;           // > 0: a relay sends one frame after the other, at most this much faster than the device
-    double copies_late_s = 0;    // > 0: each frame comes a second time, by a slower way
-    double rate_factor = 1;      // the device is this much faster than at first
-    double clock_fast = 0;       // the device's clock is this much faster than at first
-    double clock_jump_us = 0;    // added to the device's clock once
-    double buffer_frames = 1e9;  // frames that a path can hold; it drops the newest ones
+    bool pauses = false;          // the device measures and sends nothing
+    bool forwards_old = false;    // its next frame is one of a second ago under a new number
+    double drop = 0, swap = 0;    // rates
+    double extra_lag_s = 0;       // a bridge that is as fast as the device and has a backlog
+    double inner_lag_s = 0;       // another one before it, which does not learn that the link was closed
+    double retime = 0;            // > 0: a relay sends one frame after the other, at most this much faster than the device
+    unsigned burst = 1;           // the device sends this many frames at once
+    std::uint32_t counts_by = 1;  // step of its counter
+    double copies_late_s = 0;     // > 0: each frame comes a second time, by a slower way
+    double rate_factor = 1;       // the device is this much faster than at first
+    double clock_fast = 0;        // the device's clock is this much faster than at first
+    double clock_jump_us = 0;     // added to the device's clock once
+    double buffer_frames = 1e9;   // frames that a path can hold; it drops the newest ones
     Closed when_closed = Closed::discards;
     // Called with each frame that arrives.
     std::function<void(const Seen&, double t_s)> see;
@@ -176,6 +178,7 @@ private:
     void send() {
         double arrives = now_s_ + 0.002 + inner_lag_s + extra_lag_s + uniform() * stream_.jitter_ms * 1e-3;
         if (stream_.grid_ms > 0) arrives = std::ceil(arrives / (stream_.grid_ms * 1e-3)) * stream_.grid_ms * 1e-3;
+        if (burst > 1) arrives += (burst - 1 - sequence_ / counts_by % burst) / stream_.rate_Hz;
         arrives = std::max(arrives, way_.empty() ? 0 : way_.back().arrives_s);
         if (retime > 0) arrives = std::max({arrives, left_s_ + 1 / (stream_.rate_Hz * (1 + retime)), hold_until_s_});
         left_s_ = arrives;
@@ -183,7 +186,8 @@ private:
         if (stream_.clock_period_s > 0) device_us = std::fmod(device_us, stream_.clock_period_s * 1e6);
         const auto ticks = std::uint64_t(std::int64_t(std::floor(device_us / stream_.clock_step_us)));
         const std::uint64_t clock = stream_.clock_bits >= 64 ? ticks : ticks & ((1ull << stream_.clock_bits) - 1);
-        const std::uint32_t number = sequence_++ & (stream_.counter_bits >= 32 ? ~0u : (1u << stream_.counter_bits) - 1);
+        const std::uint32_t number =
+            (sequence_ += counts_by) & (stream_.counter_bits >= 32 ? ~0u : (1u << stream_.counter_bits) - 1);
         Sent sent{now_s_, arrives, number, std::uint64_t(double(clock) * stream_.clock_step_us)};
         if (double(way_.size()) >= buffer_frames) return;
         past_.push_back(sent);

@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <optional>
+#include <utility>
 
 namespace tactiled {
 namespace {
@@ -270,6 +272,59 @@ TEST(StreamAge, ALagOfWhichAPartRemainsIsNotOverBeforeTheRateIsKnownWellEnough) 
     for (int i = 0; i < 1000; ++i) (void)device.next(10'000, 9.9);
     for (double late_ms = 10'000; late_ms > 100; late_ms -= 9.9) (void)device.next(late_ms, 9.9);
     for (int i = 0; i < 500; ++i) ASSERT_EQ(device.next(100, 9.9).age, Age::unproved) << i;
+}
+
+// Opens the connection again whenever that is asked for; what was on the way, and the frames of 200 ms, are then missing.
+class Reopened {
+public:
+    Frame next(double delay_ms, double period_ms) {
+        const double closed_ms = std::exchange(closes_, false) ? 200 + delay_ms_ : 0;
+        const double missing = std::floor(closed_ms / period_ms);
+        delay_ms_ = delay_ms;
+        device.sequence += std::uint32_t(missing);
+        const Frame frame = device.next(delay_ms, (missing + 1) * period_ms);
+        closes_ = device.age.asks_for_reopening(frame.taken_ns) && pace_.allows(frame.taken_ns, device.age.trouble_ns());
+        if (closes_) device.open(connection());
+        return frame;
+    }
+    [[nodiscard]] bool closes() const { return closes_; }
+    Device device{connection(), false};
+
+private:
+    ReopeningPace pace_;
+    bool closes_ = false;
+    double delay_ms_ = 0;
+};
+
+TEST(StreamAge, TheRateOfADeviceThatGotSlowerIsMeasuredFromOneConnectionToTheNext) {
+    Reopened link;
+    link.device.run(1000);
+    for (int i = 0; i < 500; ++i) (void)link.next(1, 12);  // 6 s
+    for (int i = 0; i < 1000; ++i) ASSERT_EQ(link.next(1, 12).age, Age::proved) << i;
+}
+
+TEST(StreamAge, ABridgeThatIsSlowerIsNoDeviceThatGotSlower) {
+    Reopened link;
+    link.device.run(1000);
+    double delay_ms = 1;
+    for (int i = 0; i < 6000; ++i) {
+        const Frame frame = link.next(delay_ms, 10);
+        if (delay_ms > 150) { ASSERT_EQ(frame.age, Age::unproved) << i << ' ' << delay_ms; }
+        delay_ms = link.closes() ? 1 : delay_ms + 2;
+    }
+}
+
+// The rate is measured again: meanwhile a bridge is slower than the device was at its slowest.
+TEST(StreamAge, ABridgeThatIsSlowerWhileTheRateOfAFasterDeviceIsMeasuredIsNotProved) {
+    Reopened link;
+    link.device.run(1000);
+    while (!link.closes()) (void)link.next(1, 8);
+    double delay_ms = 1;
+    for (int i = 0; i < 400; ++i, delay_ms += 3) {
+        const Frame frame = link.next(delay_ms, 10);
+        if (delay_ms > 150) { ASSERT_EQ(frame.age, Age::unproved) << i << ' ' << delay_ms; }
+        if (link.closes()) delay_ms = 1;
+    }
 }
 
 // Without clock and counter. The first connection's first frame took 1 ms.
