@@ -1,7 +1,9 @@
 // Is GOOD consistent, and the stated uncertainty true? Every method of every model, calibrated in simulation as in
 // `tactilectl tradeoff`, through the Decoupler and the latency of the loop.
 //
-//   consistency_bench coverage [MODEL]             each scene: share within 1 sd, beyond 5 sd, median sd / rms, GOOD
+//   consistency_bench coverage [MODEL]             each scene: share within 1 sd, beyond 5 sd (and of them, in % of GOOD,
+//                                                  those off from every load during the measurement, too: not only late),
+//                                                  median sd / rms, share within the true rms of the scene
 //   consistency_bench costs [MODEL]                ns per sample of parity, joint domain and latency
 //   consistency_bench scenes [NAME]                the same for the scenes with an [[expect]], and without parity
 //   consistency_bench damaged FIRST COUNT [MODEL]  the damaged scenes with COUNT seeds from FIRST on: GOOD and beyond 5 sd
@@ -37,8 +39,8 @@ using namespace tactiled;
 using namespace tactiled::ctl;
 
 void coverage(const std::vector<Contest>& contests) {
-    fmt::print("{:<30} {:>10} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9}\n", "method, scene", "GOOD %", "no parity", "in 1 sd",
-               "over 5 sd", "sd / rms", "together", "samples");
+    fmt::print("{:<30} {:>10} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}\n", "method, scene", "GOOD %", "no parity",
+               "in 1 sd", "over 5 sd", "not late", "sd / rms", "together", "in 1 rms", "samples");
     for (const Contest& contest : contests)
         for (const Candidate& candidate : contest.candidates)
             for (const Trial& trial : contest.trials) {
@@ -49,10 +51,12 @@ void coverage(const std::vector<Contest>& contests) {
                 Course other(without, trial.delay_s);
                 other.judge(trial.rows);
                 const Shares s = course.shares(), o = other.shares();
-                fmt::print("{:<30} {:>10.2f} {:>9.2f} {:>8.1f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9}\n",
+                fmt::print("{:<30} {:>10.2f} {:>9.2f} {:>8.1f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.1f} {:>9}\n",
                            fmt::format("{}/{} {}", contest.model, candidate.name, trial.kind), percent(s.good, s.samples),
                            percent(o.good, o.samples), percent(s.within, s.values), percent(s.undetected, s.good),
-                           s.sharpness, s.sharpness_together, s.samples);
+                           percent(s.wrong, s.good), s.sharpness, s.sharpness_together, percent(s.within_true, s.values),
+                           s.samples);
+                std::fflush(stdout);
             }
 }
 
@@ -124,8 +128,11 @@ void alarms(const std::string& folder, const std::vector<Contest>& contests, dou
         }
         for (std::size_t i = 0; i < courses.size(); ++i) {
             const Shares s = courses[i].shares();
-            fmt::print("{:<24} {:.1f} h, {} samples, GOOD {:.4f} %", contest.model + "/" + contest.candidates[i].name,
-                       done_s / 3600, s.samples, percent(s.good, s.samples));
+            fmt::print(
+                "{:<24} {:.1f} h, {} samples, GOOD {:.4f} %, in 1 sd {:.1f} %, over 5 sd {:.2f} %, not late {:.2f} %, sd / "
+                "rms {:.2f}",
+                contest.model + "/" + contest.candidates[i].name, done_s / 3600, s.samples, percent(s.good, s.samples),
+                percent(s.within, s.values), percent(s.undetected, s.good), percent(s.wrong, s.good), s.sharpness_together);
             for (const auto& [reasons, n] : s.reasons)
                 if (reasons != 0) fmt::print(", reasons 0x{:x}: {:.4f} %", reasons, percent(n, s.samples));
             fmt::print("\n");
