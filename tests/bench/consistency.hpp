@@ -21,8 +21,8 @@ using ctl::Candidate;
 
 struct Shares {
     std::size_t samples = 0, good = 0, undetected = 0;  // GOOD and off by more than 5 sd in some component
-    // Of the undetected: off by more than 5 sd from every load of the time in which the channels were measured. The others
-    // are late: no channel shows yet that the load has moved.
+    // The undetected samples that are off by more than 5 sd from every load of the time in which the channels were measured.
+    // The others are late: no channel shows yet that the load has moved.
     std::size_t wrong = 0;
     std::size_t values = 0, within = 0, beyond = 0;  // components of GOOD samples: 1 sd, 5 sd
     std::size_t within_true = 0;                     // within the true rms error of this course

@@ -9,7 +9,8 @@
 //   consistency_bench damaged FIRST COUNT [MODEL]  the damaged scenes with COUNT seeds from FIRST on: GOOD and beyond 5 sd
 //   consistency_bench alarms HOURS [MODEL]         clean use with a load that wanders: samples that are not GOOD, by reason
 //   consistency_bench damage FIT.csv JUDGE.csv     a recording: one channel after the other damaged while the rows of JUDGE
-//                                                  run; GOOD, and GOOD and off by more than 10 % of full scale, or by 5 sd
+//                                                  run; GOOD, and GOOD and off by more than 10 % of full scale, or by 5 sd;
+//                                                  with parity if the environment has PARITY
 //
 // Frozen channels are not looked for: that is the node's, before the model.
 #include <fmt/format.h>
@@ -63,26 +64,32 @@ void coverage(const std::vector<Contest>& contests) {
 void damaged(const std::string& folder, const std::vector<Contest>& contests, std::uint64_t first, std::uint64_t count) {
     for (const Contest& contest : contests) {
         const std::string of = contest.model == "generic" ? "capacitive" : contest.model;
-        std::vector<std::vector<double>> undetected(contest.candidates.size());
-        std::vector<double> good(contest.candidates.size());
+        std::vector<Candidate> candidates = contest.candidates;
+        for (const Candidate& candidate : contest.candidates) {
+            candidates.push_back(candidate);
+            candidates.back().name += ", no parity";
+            candidates.back().calibration.parity = {};
+        }
+        std::vector<std::vector<double>> undetected(candidates.size());
+        std::vector<double> good(candidates.size());
         for (std::uint64_t seed = first; seed < first + count; ++seed) {
             sim::Scene scene = sim::read_scene(fmt::format("{}/tradeoff_{}_damaged.toml", folder, of));
             scene.seed = seed;
             const Labelled rows = rows_of(scene, kMaxOfScene);
-            for (std::size_t i = 0; i < contest.candidates.size(); ++i) {
-                Course course(contest.candidates[i], scene.delay_s(scene.sensors.front()));
+            for (std::size_t i = 0; i < candidates.size(); ++i) {
+                Course course(candidates[i], scene.delay_s(scene.sensors.front()));
                 course.judge(rows);
                 const Shares s = course.shares();
                 undetected[i].push_back(percent(s.undetected, s.samples));
                 good[i] += percent(s.good, s.samples) / double(count);
             }
         }
-        for (std::size_t i = 0; i < contest.candidates.size(); ++i) {
+        for (std::size_t i = 0; i < candidates.size(); ++i) {
             double mean = 0;
             for (const double each : undetected[i]) mean += each / double(count);
             const auto worst = std::max_element(undetected[i].begin(), undetected[i].end());
-            fmt::print("{:<24} undetected mean {:>6.2f} %, worst {:>6.2f} % (seed {}), GOOD {:>5.1f} %\n",
-                       contest.model + "/" + contest.candidates[i].name, mean, *worst,
+            fmt::print("{:<34} undetected mean {:>6.2f} %, worst {:>6.2f} % (seed {}), GOOD {:>5.1f} %\n",
+                       contest.model + "/" + candidates[i].name, mean, *worst,
                        first + std::uint64_t(worst - undetected[i].begin()), good[i]);
         }
     }
@@ -208,7 +215,9 @@ void damage(const std::string& fit_file, const std::string& judge_file, const st
         {"exchanged", [&](auto& channel, std::size_t k) { std::swap(channel[pairs[k].first], channel[pairs[k].second]); }}};
     std::stringstream names(methods.empty() ? "matrix,quadratic,rbf,mlp" : methods);
     for (std::string method; std::getline(names, method, ',');) {
-        const FitReport report = fit(seen, {.model = "generic", .method = method, .serial = "", .date = "", .parity = true});
+        const FitReport report = fit(
+            seen,
+            {.model = "generic", .method = method, .serial = "", .date = "", .parity = std::getenv("PARITY") != nullptr});
         const Calibration& calibration = report.calibration;
         for (const std::string& warning : report.warnings) fmt::print("{}: {}\n", method, warning);
         fmt::print("{}: sd of unloading, of full scale:", method);
