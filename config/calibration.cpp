@@ -188,6 +188,7 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
     const Count each = n_rows == 0 ? Count{} : Count{n_rows, n_rows};
     fit.sd = file.numbers("sd", kNotNegative, each);
     fit.sd_slope = file.numbers("sd_slope", kNotNegative, each);
+    fit.sd_load = file.numbers("sd_load", kNotNegative, each);
     fit.sd_unloading = file.numbers("sd_unloading", kNotNegative, each);
     fit.held_out_rms = file.numbers("held_out_rms", kNotNegative, each);
     fit.parity_harmless = file.numbers("parity_harmless", kNotNegative, n == 0 ? Count{} : Count{n, n});

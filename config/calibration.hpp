@@ -23,8 +23,9 @@ struct Fit {
     std::map<std::string, double> parameters;
     std::map<std::string, std::vector<std::vector<double>>> tables;  // rows of numbers: centres, weights ...
     // Per component, from errors on held-out data, N or Nm; empty = unknown. At least 68 % of them are below
-    // hypot(sd, sd_slope * |component|), 95 % below 1.96 times and 99 % below 2.58 times that.
-    std::vector<double> sd, sd_slope;
+    // hypot(sd, sd_slope * |component|, sd_load * load), 95 % below 1.96 times and 99 % below 2.58 times that. The load is
+    // the magnitude of the force as a part of the greatest full scale (decoupling/solve/load_scale.hpp).
+    std::vector<double> sd, sd_slope, sd_load;
     // Per component, N or Nm: with it the standard deviation is hypot(the above, sd_unloading (peak - load)), with the load
     // as a part of full scale and its peak since the last rest (decoupling/unloading.hpp); empty = 0.
     std::vector<double> sd_unloading;

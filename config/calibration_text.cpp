@@ -56,6 +56,7 @@ public:
         if (!fit.matrix.empty()) rows("matrix", fit.matrix);
         numbers("sd", fit.sd);
         numbers("sd_slope", fit.sd_slope);
+        numbers("sd_load", fit.sd_load);
         numbers("sd_unloading", fit.sd_unloading);
         numbers("held_out_rms", fit.held_out_rms);
         if (!fit.sd_without.empty()) rows("sd_without", fit.sd_without);

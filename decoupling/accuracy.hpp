@@ -18,8 +18,10 @@ inline double inaccuracy(const Calibration& calibration) {
     double sum = 0;
     for (std::size_t i = 0; i < n; ++i) {
         const double slope = calibration.sd_slope.empty() ? 0.0 : calibration.sd_slope[i];
-        sum += calibration.held_out_rms.size() == n ? calibration.held_out_rms[i] / calibration.full_scale[i]
-                                                    : std::hypot(calibration.sd[i] / calibration.full_scale[i], slope / 2);
+        const double load = calibration.sd_load.empty() ? 0.0 : calibration.sd_load[i] / calibration.full_scale[i];
+        sum += calibration.held_out_rms.size() == n
+                   ? calibration.held_out_rms[i] / calibration.full_scale[i]
+                   : std::hypot(calibration.sd[i] / calibration.full_scale[i], slope / 2, load / 2);
     }
     return sum / double(n);
 }

@@ -27,6 +27,7 @@ Calibration fit_for(const Calibration& calibration, const MethodEntry& method) {
     if (!fitted && calibration.method != method.sd_of) {
         one.sd.clear();
         one.sd_slope.clear();
+        one.sd_load.clear();
         one.sd_unloading.clear();
         one.sd_without.clear();
         one.parity_harmless.clear();

@@ -2,36 +2,10 @@
 
 #include <utility>
 
-#include "decoupling/solve/domain.hpp"
+#include "decoupling/solve/load_scale.hpp"
 
 namespace tactiled {
 namespace {
-
-// The components of which a load consists, and what makes their magnitude a part of the full scale.
-struct LoadScale {
-    std::array<bool, 6> counts{};
-    double per_full_scale = 0;
-
-    explicit LoadScale(const Calibration& calibration) {
-        const std::size_t n = std::min(calibration.components.size(), calibration.full_scale.size());
-        const auto is_force = [&](std::size_t i) { return component_index(calibration.components[i]) < 3; };
-        bool any_force = false;
-        for (std::size_t i = 0; i < n; ++i) any_force = any_force || is_force(i);
-        double greatest = 0;
-        for (std::size_t i = 0; i < n; ++i) {
-            if (is_force(i) != any_force) continue;
-            counts[component_index(calibration.components[i])] = true;
-            greatest = std::max(greatest, calibration.full_scale[i]);
-        }
-        if (greatest > 0) per_full_scale = 1 / greatest;
-    }
-    [[nodiscard]] double of(const Wrench& wrench_S) const noexcept {
-        double squares = 0;
-        for (std::size_t c = 0; c < counts.size(); ++c)
-            if (counts[c] && std::isfinite(wrench_S[c])) squares += wrench_S[c] * wrench_S[c];
-        return std::sqrt(squares) * per_full_scale;
-    }
-};
 
 class Unloaded final : public Decoupler {
 public:

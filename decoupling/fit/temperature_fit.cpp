@@ -4,6 +4,7 @@
 
 #include <Eigen/QR>
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 #include "decoupling/solve/dense.hpp"
@@ -18,6 +19,13 @@ constexpr std::size_t kStretches = 5;
 // A channel whose error falls below this part follows the temperature.
 constexpr double kWorth = 0.9;
 
+// The label of a known component. The assertion shows the bound to the compiler.
+double label_of(const LabelledRow& row, const std::string& component) {
+    const std::size_t c = component_index(component);
+    assert(c < row.wrench_S.size());
+    return row.wrench_S[c];
+}
+
 // 1, the loads, their squares and products; scaled by full scale.
 Eigen::MatrixXd loads_of_rows(const Rows& rows, const Calibration& calibration) {
     const auto m = Eigen::Index(calibration.components.size());
@@ -25,7 +33,7 @@ Eigen::MatrixXd loads_of_rows(const Rows& rows, const Calibration& calibration) 
     for (Eigen::Index i = 0; i < load.rows(); ++i) {
         load(i, 0) = 1;
         for (Eigen::Index c = 0; c < m; ++c)
-            load(i, 1 + c) = rows[std::size_t(i)]->wrench_S[component_index(calibration.components[std::size_t(c)])];
+            load(i, 1 + c) = label_of(*rows[std::size_t(i)], calibration.components[std::size_t(c)]);
     }
     for (Eigen::Index c = 1; c <= m; ++c) {
         const double largest = load.col(c).cwiseAbs().maxCoeff();
@@ -59,18 +67,19 @@ Temperature take_temperature_off(const Rows& all, Labelled& labelled, const Cali
     for (const auto* row : all)
         if (std::isfinite(row->temperature_C) &&
             std::all_of(calibration.components.begin(), calibration.components.end(),
-                        [&](const std::string& name) { return std::isfinite(row->wrench_S[component_index(name)]); }))
+                        [&](const std::string& name) { return std::isfinite(label_of(*row, name)); }))
             rows.push_back(row);
     if (rows.empty()) return {};
     const auto [least, most] = std::minmax_element(
         rows.begin(), rows.end(), [](const auto* a, const auto* b) { return a->temperature_C < b->temperature_C; });
     Temperature found;
-    found.range_C = {(*least)->temperature_C, (*most)->temperature_C};
-    if (found.range_C[1] - found.range_C[0] < kMinRange_K) {
+    const double lowest_C = (*least)->temperature_C, highest_C = (*most)->temperature_C;
+    if (highest_C - lowest_C < kMinRange_K) {
         warnings.push_back(fmt::format("temperature_C covers {:.1f} K: too little to learn zero and gain against it",
-                                       found.range_C[1] - found.range_C[0]));
+                                       highest_C - lowest_C));
         return {};
     }
+    found.range_C = {lowest_C, highest_C};
     Eigen::VectorXd from_K(Eigen::Index(rows.size()));
     for (Eigen::Index i = 0; i < from_K.size(); ++i) from_K[i] = rows[std::size_t(i)]->temperature_C;
     found.reference_C = from_K.mean();
@@ -91,17 +100,20 @@ Temperature take_temperature_off(const Rows& all, Labelled& labelled, const Cali
         with_gain << with_zero, response.cwiseProduct(from_K);
         const double without = held_out(load, channel), zero_alone = held_out(with_zero, channel),
                      both = held_out(with_gain, channel);
-        Eigen::VectorXd solved = Eigen::VectorXd::Zero(load.cols() + 2);
-        if (both < kWorth * std::min(without, zero_alone))
-            solved = dense::solve_by_qr(with_gain, channel);
-        else if (zero_alone < kWorth * without)
-            solved.head(load.cols() + 1) = first;
-        else
-            solved.head(load.cols()) = dense::solve_by_qr(load, channel);
-        followed += solved[load.cols()] != 0;
-        found.zero.push_back(solved[0]);
-        found.zero_per_K.push_back(solved[load.cols()]);
-        found.gain_per_K.push_back(std::clamp(solved[load.cols() + 1], -0.1, 0.1));
+        double zero = 0, zero_per_K = 0, gain_per_K = 0;
+        if (both < kWorth * std::min(without, zero_alone)) {
+            const Eigen::VectorXd solved = dense::solve_by_qr(with_gain, channel);
+            zero = solved[0], zero_per_K = solved[load.cols()], gain_per_K = solved[load.cols() + 1];
+        } else if (zero_alone < kWorth * without) {
+            zero = first[0], zero_per_K = first[load.cols()];
+        } else {
+            const Eigen::VectorXd solved = dense::solve_by_qr(load, channel);
+            zero = solved[0];
+        }
+        followed += zero_per_K != 0;
+        found.zero.push_back(zero);
+        found.zero_per_K.push_back(zero_per_K);
+        found.gain_per_K.push_back(std::clamp(gain_per_K, -0.1, 0.1));
     }
     if (followed == 0) {
         warnings.emplace_back("no channel follows temperature_C");

@@ -59,6 +59,7 @@ void validate(const Labelled& labelled, const Rows& rows, const ZeroDrift& drift
         if (!(own[c] > trial.validation.rms[c]) || !(trial.validation.rms[c] > 0)) continue;
         calibration.sd[i] *= own[c] / trial.validation.rms[c];
         if (!calibration.sd_slope.empty()) calibration.sd_slope[i] *= own[c] / trial.validation.rms[c];
+        if (!calibration.sd_load.empty()) calibration.sd_load[i] *= own[c] / trial.validation.rms[c];
         if (!calibration.sd_unloading.empty()) calibration.sd_unloading[i] *= own[c] / trial.validation.rms[c];
     }
     for (const auto& component : report.components)

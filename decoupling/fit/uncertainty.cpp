@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -22,36 +23,66 @@ struct Tail {
     std::size_t errors;
 };
 constexpr Tail kTails[] = {{kWithinOne, 1, 8}, {0.95, 1.96, 40}, {0.99, 2.576, 200}};
+constexpr std::size_t kParts = 4;
 constexpr std::size_t kRowsOfAGroup = 10;  // number of rows from which on the root mean square of a group counts
-// Slopes of an error that grows with the load, and with the distance from the greatest load since the last rest: its
-// standard deviation is s sqrt(1 + (slope |estimate| / full scale)^2 + (unloading (peak - load))^2).
+// Slopes of an error that grows with its component, with the load, and with the distance from the greatest load since the
+// last rest: its standard deviation is
+// s sqrt(1 + (slope |estimate| / full scale)^2 + (load slope load)^2 + (unloading (peak - load))^2).
 constexpr double kSlopes[] = {0, 0.5, 1, 2, 4, 8, 16, 32};
+constexpr double kLoadSlopes[] = {0, 0.5, 1, 2, 4, 8};  // rows at rest are few: at least a ninth remains there
 constexpr double kUnloadings[] = {0, 0.5, 1, 2, 4, 8};
 // Unloading counts if it makes the standard deviations this much smaller: less may be chance.
 constexpr double kWorth = 0.95;
 
 struct Error {
-    double share;       // |estimate| / full scale
-    double below_peak;  // peak of the load since the last rest less the load, 0 .. 1
+    // squares of |estimate| / full scale, of the load, and of its peak since the last rest less the load, 0 .. 1
+    double share, load, below_peak;
     double size;
     std::size_t group;
 };
 
 struct Shape {
-    double slope = 0, unloading = 0;
+    double slope = 0, load = 0, unloading = 0;
 };
 
 double size(const Error& error, const Shape& shape) {
-    return std::sqrt(1 + std::pow(shape.slope * error.share, 2) + std::pow(shape.unloading * error.below_peak, 2));
+    return std::sqrt(1 + shape.slope * shape.slope * error.share + shape.load * shape.load * error.load +
+                     shape.unloading * shape.unloading * error.below_peak);
 }
 
-// Returns, for a shape, the value of s that has `tail.share` of the errors within `tail.sds` standard deviations.
-double scale_for(const std::vector<Error>& errors, const Shape& shape, const Tail& tail) {
-    std::vector<double> ratio;
-    for (const Error& error : errors) ratio.push_back(error.size / size(error, shape));
-    const auto at = std::min(ratio.size() - 1, std::size_t(std::ceil(tail.share * double(ratio.size()))));
-    std::nth_element(ratio.begin(), ratio.begin() + std::ptrdiff_t(at), ratio.end());
-    return ratio[at] / tail.sds;
+// An error in units of its shape, and the shape's size.
+struct Ratio {
+    double size, ratio;
+};
+
+// Returns the value of s that has `tail.share` of the errors within `tail.sds` standard deviations. Reorders them.
+double scale_for(std::span<Ratio> ratios, const Tail& tail) {
+    const auto at = std::min(ratios.size() - 1, std::size_t(std::ceil(tail.share * double(ratios.size()))));
+    std::nth_element(ratios.begin(), ratios.begin() + std::ptrdiff_t(at), ratios.end(),
+                     [](const Ratio& a, const Ratio& b) { return a.ratio < b.ratio; });
+    return ratios[at].ratio / tail.sds;
+}
+
+// Returns, for a shape, the smallest s that holds for all errors, and for each quarter of them, from the smallest to the
+// largest standard deviation: a shape that is too small for light loads is no gain.
+double scale_for(const std::vector<Error>& errors, const Shape& shape) {
+    std::vector<Ratio> ratios;
+    for (const Error& error : errors) {
+        const double of_shape = size(error, shape);
+        ratios.push_back({of_shape, error.size / of_shape});
+    }
+    double needed = 0;
+    for (const Tail& tail : kTails)
+        if (errors.size() >= tail.errors) needed = std::max(needed, scale_for(ratios, tail));
+    if (shape.load == 0 && shape.unloading == 0) return needed;
+    std::sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.size < b.size; });
+    for (std::size_t part = 0; part < kParts; ++part) {
+        const std::size_t begin = part * ratios.size() / kParts, end = (part + 1) * ratios.size() / kParts;
+        for (const Tail& tail : kTails)
+            if (end - begin >= tail.errors)
+                needed = std::max(needed, scale_for(std::span(ratios).subspan(begin, end - begin), tail));
+    }
+    return needed;
 }
 
 // Returns the root mean square of the errors of the group in which it is largest, in units of their shape.
@@ -105,6 +136,7 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
     const auto clear = [&] {
         calibration.sd.clear();
         calibration.sd_slope.clear();
+        calibration.sd_load.clear();
         calibration.sd_unloading.clear();
     };
     clear();
@@ -115,20 +147,26 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
         std::vector<Error> errors;
         for (std::size_t k = 0; k < rows.size(); ++k)
             if (const double error = rows[k].estimated_S[c] - rows[k].row->wrench_S[c]; std::isfinite(error))
-                errors.push_back({std::abs(rows[k].estimated_S[c]) / full_scale, distance.at(validation.rows[k].row),
-                                  std::abs(error), validation.group[k]});
+                errors.push_back({std::pow(rows[k].estimated_S[c] / full_scale, 2),
+                                  std::pow(load_of(rows[k].estimated_S, calibration), 2),
+                                  std::pow(distance.at(validation.rows[k].row), 2), std::abs(error), validation.group[k]});
         if (errors.size() < kTails[0].errors) return clear();
+        // The load of a single component is the component.
+        std::vector<std::pair<double, double>> slopes;
+        for (const double load : kLoadSlopes)
+            for (const double slope : kSlopes)
+                if (load == 0 || calibration.components.size() > 1) slopes.emplace_back(slope, load);
         // The shape with the smallest valid standard deviations, in the geometric mean over the rows.
         Shape best;
         double scale = 0, min = std::numeric_limits<double>::infinity();
         for (const double unloading : kUnloadings) {
             if (unloading > 0 && !takes_unloading) break;
             const double needed_gain = unloading > 0 && best.unloading == 0 ? kWorth : 1;
-            for (const double slope : kSlopes) {
-                const Shape other{slope, unloading};
-                double needed = validation.by_sessions ? worst_group(errors, other) : 0, log_size = 0;
-                for (const Tail& tail : kTails)
-                    if (errors.size() >= tail.errors) needed = std::max(needed, scale_for(errors, other, tail));
+            for (const auto& [slope, load] : slopes) {
+                const Shape other{slope, load, unloading};
+                const double needed =
+                    std::max(validation.by_sessions ? worst_group(errors, other) : 0.0, scale_for(errors, other));
+                double log_size = 0;
                 for (const Error& error : errors) log_size += std::log(size(error, other)) / double(errors.size());
                 if (const double mean = needed * std::exp(log_size); mean < needed_gain * min) {
                     min = mean;
@@ -140,10 +178,11 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
         scale *= student(freedom_of(validation, c, calibration));
         calibration.sd.push_back(scale);
         calibration.sd_slope.push_back(scale * best.slope / full_scale);
+        calibration.sd_load.push_back(scale * best.load);
         calibration.sd_unloading.push_back(scale * best.unloading);
     }
-    const auto& unloading = calibration.sd_unloading;
-    if (std::all_of(unloading.begin(), unloading.end(), [](double sd) { return sd == 0; })) calibration.sd_unloading.clear();
+    for (auto* sd : {&calibration.sd_load, &calibration.sd_unloading})
+        if (std::all_of(sd->begin(), sd->end(), [](double each) { return each == 0; })) sd->clear();
 }
 
 }  // namespace tactiled

@@ -30,6 +30,7 @@ CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, s
       needed_(needed & used_),
       always_((calibration.nominal ? std::uint32_t(TACTILED_UNCALIBRATED) : 0u) |
               (calibration.sd.empty() ? std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY) : 0u)),
+      load_(calibration),
       domain_(calibration) {
     std::copy_n(calibration.zero.begin(), n_, zero_);
     std::fill_n(full_scale_, 6, std::numeric_limits<double>::infinity());
@@ -38,6 +39,8 @@ CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, s
         seen_[c] = true;
         sd_[c] = calibration.sd.empty() ? 1 : calibration.sd[i];
         if (!calibration.sd_slope.empty()) sd_slope_[c] = calibration.sd_slope[i];
+        if (!calibration.sd_load.empty()) sd_load_[c] = calibration.sd_load[i];
+        depends_on_load_ = depends_on_load_ || sd_load_[c] > 0;
         if (!calibration.full_scale.empty()) full_scale_[c] = (1 + kDomainMargin) * calibration.full_scale[i];
         const bool can_be_squared = std::abs(sd_[c]) >= kMinSquared && std::abs(sd_[c]) <= kMaxSquared;
         max_squared_[c] = can_be_squared ? std::min({kMaxFinite, full_scale_[c], kMaxSquared / std::abs(sd_slope_[c])}) : -1;
@@ -116,12 +119,26 @@ inline void CheckedModel::check_components(const Input& input, Estimate& estimat
     estimate.reasons |= always_ | (outside ? std::uint32_t(TACTILED_OUTSIDE_DOMAIN) : 0u);
     estimate.quality = estimate.reasons == 0 ? TACTILED_GOOD : TACTILED_UNCERTAIN;
     if ((estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0) return;
+    if (!can_be_squared) [[unlikely]] {
+        for (std::size_t i = 0; i < n_seen_; ++i)
+            estimate.sd[order_[i]] = input.sd_factor[order_[i]] * stated_sd(order_[i], wrench);
+        return;
+    }
+    double load_squared = 0;
+    if (depends_on_load_)
+        for (std::size_t i = 0; i < n_seen_; ++i)
+            load_squared += load_.weight(order_[i]) * wrench[order_[i]] * wrench[order_[i]];
     for (std::size_t i = 0; i < n_seen_; ++i) {
         const std::size_t c = order_[i];
         const double sloped = sd_slope_[c] * wrench[c];
-        estimate.sd[c] = input.sd_factor[c] *
-                         (can_be_squared ? std::sqrt(sd_[c] * sd_[c] + sloped * sloped) : std::hypot(sd_[c], sloped));
+        estimate.sd[c] =
+            input.sd_factor[c] * std::sqrt(sd_[c] * sd_[c] + sloped * sloped + sd_load_[c] * sd_load_[c] * load_squared);
     }
+}
+
+double CheckedModel::stated_sd(std::size_t c, const Wrench& wrench) const noexcept {
+    const double of_load = depends_on_load_ ? sd_load_[c] * load_.of(wrench) : 0;
+    return std::hypot(sd_[c], sd_slope_[c] * wrench[c], of_load);
 }
 
 bool CheckedModel::is_outside(std::span<const double> r, std::uint32_t mask) const noexcept {

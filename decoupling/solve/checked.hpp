@@ -10,6 +10,7 @@
 #include "config/names.hpp"
 #include "decoupling/decoupler.hpp"
 #include "decoupling/solve/domain.hpp"
+#include "decoupling/solve/load_scale.hpp"
 
 namespace tactiled {
 
@@ -45,6 +46,8 @@ protected:
     [[nodiscard]] std::size_t n_channels() const noexcept { return n_; }
     [[nodiscard]] const std::array<bool, 6>& seen() const noexcept { return seen_; }
     [[nodiscard]] const Domain& domain() const noexcept { return domain_; }
+    // Returns the sd of component c that the calibration states for this wrench, whose components are finite. rt: wait-free
+    [[nodiscard]] double stated_sd(std::size_t c, const Wrench& wrench) const noexcept;
     // Returns true if one of the channels `mask` is outside of the domain. rt: wait-free
     [[nodiscard]] bool is_outside(std::span<const double> r, std::uint32_t mask) const noexcept;
 
@@ -62,10 +65,12 @@ private:
     // Plain arrays: an element of a std::array is checked against its size here, and a loop that may end so is not
     // vectorised.
     double zero_[kMaxChannels]{};
-    double full_scale_[6], sd_[6]{}, sd_slope_[6]{};
-    // A component up to this magnitude is finite and within the full scale, and the squares of sd and sd_slope x
-    // component neither underflow nor overflow: the square root of their sum is then as good as hypot(), which takes
-    // several times as long.
+    double full_scale_[6], sd_[6]{}, sd_slope_[6]{}, sd_load_[6]{};
+    LoadScale load_;
+    bool depends_on_load_ = false;
+    // A component up to this magnitude is finite and within the full scale, and the squares of sd, sd_slope x
+    // component and sd_load x load neither underflow nor overflow: the square root of their sum is then as good as
+    // hypot(), which takes several times as long.
     double max_squared_[6]{};
     std::array<bool, 6> seen_{};
     std::size_t n_seen_, order_[6];  // the measured components, n_seen_ of them, then the others

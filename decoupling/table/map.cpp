@@ -54,14 +54,7 @@ public:
           search_(solver_),
           spread_(std::move(spread)),
           point_(point) {
-        const Calibration& calibration = data.calibration();
-        inner_ = inner_gauges(calibration);
-        sd_slope_.fill(0);
-        for (std::size_t i = 0; i < calibration.sd.size(); ++i) {
-            const std::size_t c = component_index(calibration.components[i]);
-            sd_[c] = calibration.sd[i];
-            if (!calibration.sd_slope.empty()) sd_slope_[c] = calibration.sd_slope[i];
-        }
+        inner_ = inner_gauges(data.calibration());
     }
     [[nodiscard]] std::string_view method() const noexcept override { return "map"; }
 
@@ -227,8 +220,8 @@ private:
             if (solved.doubtful) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
         }
         if (!true_here) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;  // the error depends on the place of the contact
+        for (std::size_t c = 0; c < 3; ++c) estimate.wrench_S[c] = solved.load[c] + 0.0;
         for (std::size_t c = 0; c < 3; ++c) {
-            estimate.wrench_S[c] = solved.load[c] + 0.0;
             if (point_) {
                 add_sd(input, estimate, c, spread_.sd(c) * solved.sd_factor[c]);
             } else {
@@ -240,8 +233,8 @@ private:
 
     // Adds the standard deviation of the place to that of the calibration.
     void add_sd(Input& input, Estimate& estimate, std::size_t c, double local) noexcept {
-        const double sd = std::hypot(sd_[c], sd_slope_[c] * estimate.wrench_S[c]);
-        if (!seen()[c] || std::isnan(sd)) return;
+        if (!seen()[c]) return;
+        const double sd = stated_sd(c, estimate.wrench_S);
         if (sd > 0 && std::isfinite(local)) {
             input.sd_factor[c] = std::hypot(1.0, local / sd);
         } else {
@@ -256,7 +249,6 @@ private:
     GaugeSolver spread_;
     bool point_;
     std::uint32_t inner_ = 0;  // gauges
-    Wrench sd_ = kUnseen, sd_slope_{};
 
     bool has_point_ = false, ambiguous_ = false;
     Eigen::Vector2d point_m_ = Eigen::Vector2d::Zero();

@@ -67,12 +67,6 @@ public:
             const int number = table_gauge(calibration.channels[k])->number;
             if (number % 2 == 1) channel_[std::size_t(number / 2)] = k;
         }
-        sd_slope_.fill(0);
-        for (std::size_t i = 0; i < calibration.sd.size(); ++i) {
-            const std::size_t c = component_index(calibration.components[i]);
-            sd_[c] = calibration.sd[i];
-            if (!calibration.sd_slope.empty()) sd_slope_[c] = calibration.sd_slope[i];
-        }
     }
     [[nodiscard]] std::string_view method() const noexcept override { return "signs"; }
 
@@ -107,11 +101,11 @@ private:
         const std::array<double, 3> force{sx == 0 ? 0 : x / (2 * tangential_per_N_),
                                           sy == 0 ? 0 : y / (2 * tangential_per_N_),
                                           sn == 0 ? 0 : -sum / (4 * normal_per_N_)};
+        for (std::size_t c = 0; c < 3; ++c) estimate.wrench_S[c] = level_N_[c] * std::round(force[c] / level_N_[c]) + 0.0;
         for (std::size_t c = 0; c < 3; ++c) {
-            estimate.wrench_S[c] = level_N_[c] * std::round(force[c] / level_N_[c]) + 0.0;
             // Rounding to a level is an error uniform over one level; a dead band hides as much again.
             const double hidden_N = std::max(level_N_[c], 2 * band_N(c)) / std::sqrt(12.0);
-            const double sd = std::hypot(sd_[c], sd_slope_[c] * estimate.wrench_S[c]);
+            const double sd = stated_sd(c, estimate.wrench_S);
             if (sd > 0) {
                 input.sd_factor[c] = std::hypot(1.0, hidden_N / sd);
             } else if (sd == 0 && seen()[c]) {
@@ -128,7 +122,6 @@ private:
     double normal_per_N_, tangential_per_N_, noise_, band_;
     std::array<double, 3> level_N_;
     std::array<std::size_t, 4> channel_{};
-    Wrench sd_ = kUnseen, sd_slope_{};
 };
 
 std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {

@@ -1,8 +1,11 @@
 // tactilectl check FILE: checks a configuration and the files that it names, and reports every error at once. check
 // --keys lists the possible keys.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "config/calibration.hpp"
 #include "config/keys.hpp"
@@ -12,6 +15,27 @@
 #include "node/setup.hpp"
 
 namespace tactiled::ctl {
+namespace {
+
+// The loads that the channels of the sensor cannot show. `chain_s`: delay that the driver knows.
+std::vector<std::string> undetected_loads(const SensorSettings& sensor, double chain_s) {
+    std::vector<std::string> loads;
+    // The channels are measured over twice the delay.
+    const double measured_ms = 2 * (sensor.delay_ms >= 0 ? sensor.delay_ms : 1e3 * chain_s);
+    if (measured_ms > sensor.stale_ms)
+        loads.push_back(fmt::format(
+            "a change of the load within the {:.0f} ms over which the channels are measured, longer than stale_ms = {}",
+            measured_ms, sensor.stale_ms));
+    Problems none;
+    const Calibration calibration = load_calibration(sensor.calibration, none);
+    // Two unknowns are the place of the press.
+    const std::size_t n = calibration.channels.size(), unknowns = calibration.components.size() + 2;
+    if (n > 0 && n <= unknowns)
+        loads.push_back(fmt::format("a press beside the places of the calibration ({} channels, {} unknowns)", n, unknowns));
+    return loads;
+}
+
+}  // namespace
 
 void add_check(CLI::App& app, Run& run) {
     struct Args {
@@ -50,10 +74,13 @@ void add_check(CLI::App& app, Run& run) {
                 for (const std::string& advice : grasp_advice(*node.config.grasp)) fmt::print("warning: {}\n", advice);
             for (const auto& link : node.links)
                 for (const auto& binding : link->bindings) {
-                    const std::string& name = node.config.sensors[binding.sensor].name;
-                    fmt::print("sensor \"{}\": age proved by {}\n", name, link->driver->freshness());
+                    const auto& sensor = node.config.sensors[binding.sensor];
+                    fmt::print("sensor \"{}\": age proved by {}\n", sensor.name, link->driver->freshness());
+                    std::vector<std::string> missed = undetected_loads(sensor, link->driver->delay_s(binding.device));
                     if (const std::string delays = doctor::undetected_delays(*link->driver); !delays.empty())
-                        fmt::print("sensor \"{}\": not detected: {}\n", name, delays);
+                        missed.insert(missed.begin(), delays);
+                    if (!missed.empty())
+                        fmt::print("sensor \"{}\": not detected: {}\n", sensor.name, fmt::join(missed, "; "));
                 }
             for (const auto& sensor : node.config.sensors) {
                 Problems none;

@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "decoupling/latency.hpp"
@@ -20,20 +21,25 @@ using ctl::Candidate;
 
 struct Shares {
     std::size_t samples = 0, good = 0, undetected = 0;  // GOOD and off by more than 5 sd in some component
-    std::size_t values = 0, within = 0, beyond = 0;     // components of GOOD samples: 1 sd, 5 sd
-    double sharpness = 0;                               // the largest median sd / rms of a component
-    double sharpness_together = 0;                      // median sd / rms, each as rms over components in full scales
+    // The undetected samples that are off by more than 5 sd from every load of the time in which the channels were measured.
+    // The others are late: no channel shows yet that the load has moved.
+    std::size_t wrong = 0;
+    std::size_t values = 0, within = 0, beyond = 0;  // components of GOOD samples: 1 sd, 5 sd
+    std::size_t within_true = 0;                     // within the true rms error of this course
+    double sharpness = 0;                            // the largest median sd / rms of a component
+    double sharpness_together = 0;                   // median sd / rms, each as rms over components in full scales
     std::map<std::uint32_t, std::size_t> reasons;
 };
 
 struct Errors {
-    std::vector<float> sd;
+    std::vector<float> sd, error;
     double squares = 0;
 };
 
 class Course {
 public:
-    Course(const Candidate& candidate, double delay_s) : candidate_(candidate), decoupler_(candidate.make()) {
+    Course(const Candidate& candidate, double delay_s)
+        : candidate_(candidate), decoupler_(candidate.make()), delay_s_(delay_s) {
         decoupler_->set_delay(delay_s);
         latency_.set_delay(delay_s);
     }
@@ -59,7 +65,7 @@ public:
             if (i == begin && at_rest > 0)
                 for (std::size_t c = 0; c < 6; ++c) zero_[c] = sum[c] / double(at_rest);
             // The first sample of a scene is at 1 s of the clock (node/lab/tradeoff_rows.cpp).
-            if (const double t_s = double(readings[i].t_ns) * 1e-9 - 1; t_s >= from_s && t_s <= to_s) take(e, rows.rows[i]);
+            if (const double t_s = double(readings[i].t_ns) * 1e-9 - 1; t_s >= from_s && t_s <= to_s) take(e, rows, i);
         }
         is_tared_ = true;
     }
@@ -72,6 +78,7 @@ public:
             std::nth_element(errors.sd.begin(), middle, errors.sd.end());
             const double rms = std::sqrt(errors.squares / double(errors.sd.size()));
             shares_.sharpness = std::max(shares_.sharpness, double(*middle) / rms);
+            for (const float error : errors.error) shares_.within_true += std::abs(double(error)) <= rms;
             const double full_scale =
                 i < candidate_.calibration.full_scale.size() ? candidate_.calibration.full_scale[i] : 1;
             sds += std::pow(double(*middle) / full_scale, 2);
@@ -82,12 +89,23 @@ public:
     }
 
 private:
-    void take(const Estimate& e, const LabelledRow& row) {
+    // A component of the loads while the channels of row i were measured, over twice the delay of the chain.
+    [[nodiscard]] std::pair<double, double> lately(const Labelled& rows, std::size_t i, std::size_t c) const {
+        double min = rows.rows[i].wrench_S[c], max = min;
+        const double from_ns = double(rows.rows[i].t_ns) - 2e9 * delay_s_;
+        for (std::size_t k = i; k-- > 0 && double(rows.rows[k + 1].t_ns) > from_ns;) {
+            min = std::min(min, rows.rows[k].wrench_S[c]);
+            max = std::max(max, rows.rows[k].wrench_S[c]);
+        }
+        return {min, max};
+    }
+    void take(const Estimate& e, const Labelled& rows, std::size_t i) {
+        const LabelledRow& row = rows.rows[i];
         ++shares_.samples;
         ++shares_.reasons[e.quality == TACTILED_GOOD ? 0 : e.reasons];
         if (e.quality != TACTILED_GOOD) return;
         ++shares_.good;
-        bool undetected = false;
+        bool undetected = false, wrong = false;
         for (const std::string& name : candidate_.calibration.components) {
             const std::size_t c = component_index(name);
             const double error = e.wrench_S[c] - zero_[c] - row.wrench_S[c];
@@ -97,14 +115,22 @@ private:
             const bool beyond = std::abs(error) > 5 * e.sd[c];
             shares_.beyond += beyond;
             undetected = undetected || beyond;
+            if (beyond) {
+                const auto [min, max] = lately(rows, i, c);
+                const double value = e.wrench_S[c] - zero_[c];
+                wrong = wrong || value < min - 5 * e.sd[c] || value > max + 5 * e.sd[c];
+            }
             errors_[c].sd.push_back(float(e.sd[c]));
+            errors_[c].error.push_back(float(error));
             errors_[c].squares += error * error;
         }
         shares_.undetected += undetected;
+        shares_.wrong += wrong;
     }
 
     const Candidate& candidate_;
     std::unique_ptr<Decoupler> decoupler_;
+    double delay_s_;
     Latency latency_;
     Wrench zero_{};
     bool is_tared_ = false;

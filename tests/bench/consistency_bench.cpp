@@ -1,13 +1,16 @@
 // Is GOOD consistent, and the stated uncertainty true? Every method of every model, calibrated in simulation as in
 // `tactilectl tradeoff`, through the Decoupler and the latency of the loop.
 //
-//   consistency_bench coverage [MODEL]             each scene: share within 1 sd, beyond 5 sd, median sd / rms, GOOD
+//   consistency_bench coverage [MODEL]             each scene: share within 1 sd, beyond 5 sd (and of them, in % of GOOD,
+//                                                  those off from every load during the measurement, too: not only late),
+//                                                  median sd / rms, share within the true rms of the scene
 //   consistency_bench costs [MODEL]                ns per sample of parity, joint domain and latency
 //   consistency_bench scenes [NAME]                the same for the scenes with an [[expect]], and without parity
 //   consistency_bench damaged FIRST COUNT [MODEL]  the damaged scenes with COUNT seeds from FIRST on: GOOD and beyond 5 sd
 //   consistency_bench alarms HOURS [MODEL]         clean use with a load that wanders: samples that are not GOOD, by reason
 //   consistency_bench damage FIT.csv JUDGE.csv     a recording: one channel after the other damaged while the rows of JUDGE
-//                                                  run; GOOD, and GOOD and off by more than 10 % of full scale, or by 5 sd
+//                                                  run; GOOD, and GOOD and off by more than 10 % of full scale, or by 5 sd;
+//                                                  with parity if the environment has PARITY
 //
 // Frozen channels are not looked for: that is the node's, before the model.
 #include <fmt/format.h>
@@ -37,8 +40,8 @@ using namespace tactiled;
 using namespace tactiled::ctl;
 
 void coverage(const std::vector<Contest>& contests) {
-    fmt::print("{:<30} {:>10} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9}\n", "method, scene", "GOOD %", "no parity", "in 1 sd",
-               "over 5 sd", "sd / rms", "together", "samples");
+    fmt::print("{:<30} {:>10} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}\n", "method, scene", "GOOD %", "no parity",
+               "in 1 sd", "over 5 sd", "not late", "sd / rms", "together", "in 1 rms", "samples");
     for (const Contest& contest : contests)
         for (const Candidate& candidate : contest.candidates)
             for (const Trial& trial : contest.trials) {
@@ -49,36 +52,44 @@ void coverage(const std::vector<Contest>& contests) {
                 Course other(without, trial.delay_s);
                 other.judge(trial.rows);
                 const Shares s = course.shares(), o = other.shares();
-                fmt::print("{:<30} {:>10.2f} {:>9.2f} {:>8.1f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9}\n",
+                fmt::print("{:<30} {:>10.2f} {:>9.2f} {:>8.1f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.1f} {:>9}\n",
                            fmt::format("{}/{} {}", contest.model, candidate.name, trial.kind), percent(s.good, s.samples),
                            percent(o.good, o.samples), percent(s.within, s.values), percent(s.undetected, s.good),
-                           s.sharpness, s.sharpness_together, s.samples);
+                           percent(s.wrong, s.good), s.sharpness, s.sharpness_together, percent(s.within_true, s.values),
+                           s.samples);
+                std::fflush(stdout);
             }
 }
 
 void damaged(const std::string& folder, const std::vector<Contest>& contests, std::uint64_t first, std::uint64_t count) {
     for (const Contest& contest : contests) {
         const std::string of = contest.model == "generic" ? "capacitive" : contest.model;
-        std::vector<std::vector<double>> undetected(contest.candidates.size());
-        std::vector<double> good(contest.candidates.size());
+        std::vector<Candidate> candidates = contest.candidates;
+        for (const Candidate& candidate : contest.candidates) {
+            candidates.push_back(candidate);
+            candidates.back().name += ", no parity";
+            candidates.back().calibration.parity = {};
+        }
+        std::vector<std::vector<double>> undetected(candidates.size());
+        std::vector<double> good(candidates.size());
         for (std::uint64_t seed = first; seed < first + count; ++seed) {
             sim::Scene scene = sim::read_scene(fmt::format("{}/tradeoff_{}_damaged.toml", folder, of));
             scene.seed = seed;
             const Labelled rows = rows_of(scene, kMaxOfScene);
-            for (std::size_t i = 0; i < contest.candidates.size(); ++i) {
-                Course course(contest.candidates[i], scene.delay_s(scene.sensors.front()));
+            for (std::size_t i = 0; i < candidates.size(); ++i) {
+                Course course(candidates[i], scene.delay_s(scene.sensors.front()));
                 course.judge(rows);
                 const Shares s = course.shares();
                 undetected[i].push_back(percent(s.undetected, s.samples));
                 good[i] += percent(s.good, s.samples) / double(count);
             }
         }
-        for (std::size_t i = 0; i < contest.candidates.size(); ++i) {
+        for (std::size_t i = 0; i < candidates.size(); ++i) {
             double mean = 0;
             for (const double each : undetected[i]) mean += each / double(count);
             const auto worst = std::max_element(undetected[i].begin(), undetected[i].end());
-            fmt::print("{:<24} undetected mean {:>6.2f} %, worst {:>6.2f} % (seed {}), GOOD {:>5.1f} %\n",
-                       contest.model + "/" + contest.candidates[i].name, mean, *worst,
+            fmt::print("{:<34} undetected mean {:>6.2f} %, worst {:>6.2f} % (seed {}), GOOD {:>5.1f} %\n",
+                       contest.model + "/" + candidates[i].name, mean, *worst,
                        first + std::uint64_t(worst - undetected[i].begin()), good[i]);
         }
     }
@@ -124,8 +135,11 @@ void alarms(const std::string& folder, const std::vector<Contest>& contests, dou
         }
         for (std::size_t i = 0; i < courses.size(); ++i) {
             const Shares s = courses[i].shares();
-            fmt::print("{:<24} {:.1f} h, {} samples, GOOD {:.4f} %", contest.model + "/" + contest.candidates[i].name,
-                       done_s / 3600, s.samples, percent(s.good, s.samples));
+            fmt::print(
+                "{:<24} {:.1f} h, {} samples, GOOD {:.4f} %, in 1 sd {:.1f} %, over 5 sd {:.2f} %, not late {:.2f} %, sd / "
+                "rms {:.2f}",
+                contest.model + "/" + contest.candidates[i].name, done_s / 3600, s.samples, percent(s.good, s.samples),
+                percent(s.within, s.values), percent(s.undetected, s.good), percent(s.wrong, s.good), s.sharpness_together);
             for (const auto& [reasons, n] : s.reasons)
                 if (reasons != 0) fmt::print(", reasons 0x{:x}: {:.4f} %", reasons, percent(n, s.samples));
             fmt::print("\n");
@@ -201,7 +215,9 @@ void damage(const std::string& fit_file, const std::string& judge_file, const st
         {"exchanged", [&](auto& channel, std::size_t k) { std::swap(channel[pairs[k].first], channel[pairs[k].second]); }}};
     std::stringstream names(methods.empty() ? "matrix,quadratic,rbf,mlp" : methods);
     for (std::string method; std::getline(names, method, ',');) {
-        const FitReport report = fit(seen, {.model = "generic", .method = method, .serial = "", .date = "", .parity = true});
+        const FitReport report = fit(
+            seen,
+            {.model = "generic", .method = method, .serial = "", .date = "", .parity = std::getenv("PARITY") != nullptr});
         const Calibration& calibration = report.calibration;
         for (const std::string& warning : report.warnings) fmt::print("{}: {}\n", method, warning);
         fmt::print("{}: sd of unloading, of full scale:", method);

@@ -64,8 +64,8 @@ void judge_scenes(const std::string& folder, const std::string& name) {
             scenes.push_back(entry.path());
     std::sort(scenes.begin(), scenes.end());
     std::map<std::string, Calibration> made;
-    fmt::print("{:<50} {:>7} {:>8} {:>8} {:>9} {:>8} {:>8} {:>8}\n", "scene, calibration, method", "GOOD %", "no parity",
-               "in 1 sd", "over 5 sd", "sd / rms", "together", "samples");
+    fmt::print("{:<50} {:>7} {:>8} {:>8} {:>9} {:>8} {:>8} {:>8} {:>8} {:>8}\n", "scene, calibration, method", "GOOD %",
+               "no parity", "in 1 sd", "over 5 sd", "not late", "sd / rms", "together", "in 1 rms", "samples");
     for (const fs::path& path : scenes)
         for (const Expectation& e : expectations_of(path)) {
             const std::string key = e.calibration + " " + e.method;
@@ -81,10 +81,11 @@ void judge_scenes(const std::string& folder, const std::string& name) {
                 const Labelled rows = ctl::rows_of(scene, ctl::kMaxOfScene);
                 const double delay_s = scene.delay_s(scene.sensors.front());
                 const Shares s = shares_of(candidate, rows, delay_s, e), other = shares_of(without, rows, delay_s, e);
-                fmt::print("{:<50} {:>7.2f} {:>8.2f} {:>8.1f} {:>9.2f} {:>8.2f} {:>8.2f} {:>8}",
+                fmt::print("{:<50} {:>7.2f} {:>8.2f} {:>8.1f} {:>9.2f} {:>8.2f} {:>8.2f} {:>8.2f} {:>8.1f} {:>8}",
                            fmt::format("{} {}, {}", path.stem().string(), sensor.name, key), percent(s.good, s.samples),
                            percent(other.good, other.samples), percent(s.within, s.values), percent(s.undetected, s.good),
-                           s.sharpness, s.sharpness_together, s.samples);
+                           percent(s.wrong, s.good), s.sharpness, s.sharpness_together, percent(s.within_true, s.values),
+                           s.samples);
                 for (const auto& [reasons, n] : s.reasons)
                     if (reasons != 0) fmt::print(" 0x{:x}:{:.1f}%", reasons, percent(n, s.samples));
                 fmt::print("\n");

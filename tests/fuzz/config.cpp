@@ -11,7 +11,8 @@ using namespace tactiled;
 namespace {
 
 auto all_of(const Fit& f) {
-    return std::tie(f.method, f.zero, f.matrix, f.parameters, f.tables, f.sd, f.sd_slope, f.condition, f.validation);
+    return std::tie(f.method, f.zero, f.matrix, f.parameters, f.tables, f.sd, f.sd_slope, f.sd_load, f.condition,
+                    f.validation);
 }
 
 bool same(const Calibration& a, const Calibration& b) {

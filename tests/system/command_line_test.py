@@ -297,6 +297,12 @@ class Check(unittest.TestCase):
         joint = "joint_domain.mean = [0.0, 0.0, 0.0]\njoint_domain.whitening = [[1.0], [0.0, 1.0], [0.0, 0.0, 1.0]]\njoint_domain.limit = 9.0\n"
         self.assertNotIn("warning", self.check(safe, CALIBRATION + joint).stdout)
 
+    def test_loads_that_the_channels_cannot_show_are_named(self):
+        self.assertIn("a press beside the places of the calibration (3 channels, 5 unknowns)", self.check(CONFIG).stdout)
+        self.assertNotIn("change of the load", self.check(CONFIG).stdout)
+        slow = self.check(CONFIG.replace("stale_ms", "delay_ms = 250\nstale_ms")).stdout
+        self.assertIn("a change of the load within the 500 ms over which the channels are measured, longer than stale_ms = ", slow)
+
     def test_doctor_says_the_same(self):
         self.check(CONFIG)
         found = json.loads(ctl("doctor", "--json", "--config", self.folder / "my.toml").stdout)["findings"]

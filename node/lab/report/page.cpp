@@ -63,8 +63,12 @@ std::string components(const FitReport& report) {
         std::string sd = "unknown";
         if (errors.sd_known) {
             sd = with_unit(report.calibration.sd[i], unit);
+            std::string more;
             if (i < report.calibration.sd_slope.size() && report.calibration.sd_slope[i] != 0)
-                sd = fmt::format("hypot({}, {} × |{}|)", sd, html_number(report.calibration.sd_slope[i]), html_text(c.name));
+                more += fmt::format(", {} × |{}|", html_number(report.calibration.sd_slope[i]), html_text(c.name));
+            if (i < report.calibration.sd_load.size() && report.calibration.sd_load[i] != 0)
+                more += fmt::format(", {} × load", html_number(report.calibration.sd_load[i]));
+            if (!more.empty()) sd = fmt::format("hypot({}{})", sd, more);
         }
         rows +=
             html_row({html_text(c.name), html_number(c.rows, 9), with_unit(c.full_scale, unit),

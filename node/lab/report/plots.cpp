@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "decoupling/solve/domain.hpp"
+#include "decoupling/solve/load_scale.hpp"
 #include "node/lab/chart/plot.hpp"
 #include "node/lab/report/report.hpp"
 
@@ -44,8 +44,9 @@ std::string residuals(const FitReport& report, std::size_t i, const ComponentErr
     if (errors.sd_known)
         for (int k = 0; k <= 40; ++k) {
             const double load = x.min + (x.max - x.min) * k / 40;
-            const double sd =
-                std::hypot(calibration.sd[i], i < calibration.sd_slope.size() ? calibration.sd_slope[i] * load : 0);
+            Wrench alone{};  // the others are 0
+            alone[component_index(name)] = load;
+            const double sd = stated_sd(calibration, i, alone);
             lower.push_back({load, -sd});
             upper.push_back({load, sd});
             y.insert(y.end(), {-sd, sd});
@@ -56,11 +57,12 @@ std::string residuals(const FitReport& report, std::size_t i, const ComponentErr
     const Dot zero[] = {{x.min, 0}, {x.max, 0}};
     plot.line(zero, "ideal");
     plot.dots(pairs(errors.applied, errors.error));
-    return html_figure(plot.text(),
-                       fmt::format("Error against applied {}, held-out rows. {}{}", name,
-                                   errors.sd_known ? "Shaded: one stated sd each way, at an estimate equal to the load."
-                                                   : "No band: the sd is unknown.",
-                                   html_thinned(errors.applied.size())));
+    return html_figure(
+        plot.text(),
+        fmt::format("Error against applied {}, held-out rows. {}{}", name,
+                    errors.sd_known ? "Shaded: one stated sd each way, at an estimate equal to the load and no other load."
+                                    : "No band: the sd is unknown.",
+                    html_thinned(errors.applied.size())));
 }
 
 // Shows errors in sd beside a normal distribution; in rms if the sd is unknown.
@@ -199,9 +201,7 @@ ComponentErrors component_errors(const FitReport& report, std::size_t i) {
         result.estimated.push_back(estimated);
         result.error.push_back(estimated - applied);
         result.session.push_back(row->session);
-        if (result.sd_known)
-            result.sd.push_back(
-                std::hypot(calibration.sd[i], i < calibration.sd_slope.size() ? calibration.sd_slope[i] * estimated : 0));
+        if (result.sd_known) result.sd.push_back(stated_sd(calibration, i, estimated_S));
     }
     return result;
 }

@@ -6,6 +6,7 @@
 #include <limits>
 #include <random>
 
+#include "decoupling/solve/load_scale.hpp"
 #include "made_by_hand.hpp"
 
 namespace tactiled {
@@ -286,6 +287,19 @@ TEST_P(TableOf, TheStandardDeviationGrowsWithTheForce) {
     EXPECT_NEAR(estimate.sd[0], std::hypot(0.01, 0.01 * 0.3), 1e-12);  // N
     EXPECT_NEAR(estimate.sd[1], std::hypot(0.01, 0.02 * 0.2), 1e-12);
     EXPECT_NEAR(estimate.sd[2], std::hypot(0.02, 0.03 * 1), 1e-12);
+    // The load is relative to the greatest full scale.
+    calibration.full_scale = {0.5, 0.5, 2};
+    calibration.sd_load = {0.1, 0, 0.2};
+    const Estimate loaded = decouple(*make_decoupler(calibration), reading_of(GetParam(), {0.3, -0.2, -1}));
+    const double load = std::hypot(0.3, 0.2, 1) / 2;
+    EXPECT_NEAR(loaded.sd[0], std::hypot(0.01, 0.01 * 0.3, 0.1 * load), 1e-12);
+    EXPECT_NEAR(loaded.sd[1], estimate.sd[1], 1e-12);
+    EXPECT_NEAR(loaded.sd[2], std::hypot(0.02, 0.03 * 1, 0.2 * load), 1e-12);
+    for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(loaded.sd[i], stated_sd(calibration, i, loaded.wrench_S), 1e-12);
+    Problems problems;
+    EXPECT_EQ(parse_calibration(calibration_text(calibration), "c.toml", problems).sd_load, calibration.sd_load);
+    calibration.sd_load = {0.1};
+    EXPECT_NE(refusal(calibration).find("sd_load has 1 numbers for 3"), std::string::npos);
 }
 
 TEST(Table, FlagsForcesBeyondFullScale) {

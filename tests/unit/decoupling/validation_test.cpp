@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "decoupling/fit/validate.hpp"
-#include "decoupling/solve/domain.hpp"
+#include "decoupling/solve/load_scale.hpp"
 #include "made_by_hand.hpp"
 #include "recordings.hpp"
 
@@ -29,10 +29,7 @@ TEST(Validation, OfDeadWeightsOneAxisAfterTheOtherLeavesSingleLoadsOut) {
         }
         for (const auto& [row, estimated] : report.held_out)
             for (std::size_t c = 0; c < 6; ++c, ++n)
-                within += std::abs(estimated[c] - row->wrench_S[c]) <=
-                                  std::hypot(report.calibration.sd[c], report.calibration.sd_slope[c] * estimated[c])
-                              ? 1
-                              : 0;
+                within += std::abs(estimated[c] - row->wrench_S[c]) <= stated_sd(report.calibration, c, estimated) ? 1 : 0;
     }
     EXPECT_GT(within / n, 0.6);
     EXPECT_LT(within / n, 0.8);
@@ -80,7 +77,7 @@ Validation errors_of(const std::vector<double>& errors, std::vector<LabelledRow>
     return validation;
 }
 
-double stated_sd(const Validation& validation, double at) {
+double sd_found(const Validation& validation, double at) {
     Calibration calibration;
     calibration.channels = {"A"};
     calibration.components = {"fz"};
@@ -95,19 +92,47 @@ TEST(Uncertainty, SeesTailsWorstSessionsAndFewRows) {
     std::vector<LabelledRow> rows;
     std::vector<double> errors(4000);
     for (double& error : errors) error = normal(random);
-    EXPECT_NEAR(stated_sd(errors_of(errors, rows, 1), 5), 1, 0.06);
-    for (std::size_t i = 0; i < errors.size(); i += 50) errors[i] = 7;      // 2 %
-    EXPECT_NEAR(stated_sd(errors_of(errors, rows, 1), 5), 7 / 2.576, 0.3);  // their 99 % quantile
+    EXPECT_NEAR(sd_found(errors_of(errors, rows, 1), 5), 1, 0.06);
+    for (std::size_t i = 0; i < errors.size(); i += 50) errors[i] = 7;     // 2 %
+    EXPECT_NEAR(sd_found(errors_of(errors, rows, 1), 5), 7 / 2.576, 0.3);  // their 99 % quantile
     for (double& error : errors) error = normal(random);
     for (std::size_t i = 3000; i < 4000; ++i) errors[i] += 2;  // one session in four
-    const double of_sessions = stated_sd(errors_of(errors, rows, 4), 5);
+    const double of_sessions = sd_found(errors_of(errors, rows, 4), 5);
     EXPECT_GT(of_sessions, std::sqrt(5.0) * 0.95);
     errors.resize(12);
     for (double& error : errors) error = 1;
-    EXPECT_NEAR(stated_sd(errors_of(errors, rows, 1), 5), 1 + 0.5 / 10 + 0.25 / 100,
+    EXPECT_NEAR(sd_found(errors_of(errors, rows, 1), 5), 1 + 0.5 / 10 + 0.25 / 100,
                 1e-3);  // Student: 12 loads, 2 coefficients
     errors.resize(7);
-    EXPECT_THROW((void)stated_sd(errors_of(errors, rows, 1), 5), std::out_of_range);
+    EXPECT_THROW((void)sd_found(errors_of(errors, rows, 1), 5), std::out_of_range);
+}
+
+// The error of a shear grows with the press: one sd for all loads would be too wide at rest and too narrow under load.
+TEST(Uncertainty, OfAComponentDependsOnTheLoadOfTheOthers) {
+    std::mt19937_64 random(8);
+    std::normal_distribution<double> normal(0, 1);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    Calibration calibration;
+    calibration.channels = {"A", "B"};
+    calibration.components = {"fx", "fz"};
+    calibration.full_scale = {2, 10};
+    std::vector<LabelledRow> rows;
+    rows.reserve(4000);
+    Validation validation;
+    for (int i = 0; i < 4000; ++i) {
+        const double fx = 2 * uniform(random), fz = -10 * std::abs(uniform(random));
+        rows.push_back(
+            {.line = i, .channel = {fx, fz}, .wrench_S = {fx, kNaN, fz, kNaN, kNaN, kNaN}, .session = 0, .t_ns = 0});
+        Wrench estimated = rows.back().wrench_S;
+        estimated[0] += std::hypot(0.04, 0.02 * fz) * normal(random);
+        estimated[2] += 0.05 * normal(random);
+        validation.rows.push_back({&rows.back(), estimated});
+        validation.group.push_back(0);
+    }
+    set_uncertainty(validation, calibration, false);
+    EXPECT_NEAR(stated_sd(calibration, 0, {0, kNaN, 0, kNaN, kNaN, kNaN}), 0.04, 0.02);
+    EXPECT_NEAR(stated_sd(calibration, 0, {0, kNaN, -10, kNaN, kNaN, kNaN}), 0.2, 0.03);
+    EXPECT_NEAR(stated_sd(calibration, 1, {0, kNaN, -10, kNaN, kNaN, kNaN}), 0.05, 0.01);
 }
 
 }  // namespace

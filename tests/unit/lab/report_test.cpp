@@ -7,7 +7,7 @@
 #include <regex>
 #include <sstream>
 
-#include "decoupling/solve/domain.hpp"
+#include "decoupling/solve/load_scale.hpp"
 #include "node/lab/chart/plot.hpp"
 #include "node/lab/chart/text.hpp"
 #include "node/lab/report/report.hpp"
@@ -179,12 +179,13 @@ TEST(Report, SaysWhatTheFitSays) {
         EXPECT_EQ(number(row[5]), 100 * (c.held_out_rms / c.full_scale));
         std::vector<double> sd{report.calibration.sd[i]};
         if (report.calibration.sd_slope[i] != 0) sd.push_back(report.calibration.sd_slope[i]);
+        if (!report.calibration.sd_load.empty() && report.calibration.sd_load[i] != 0)
+            sd.push_back(report.calibration.sd_load[i]);
         EXPECT_EQ(numbers(row[6]), sd);
         const std::size_t axis = component_index(c.name);
         double within = 0;
         for (const auto& [applied, estimated] : report.held_out)
-            within += std::abs(estimated[axis] - applied->wrench_S[axis]) <=
-                      std::hypot(report.calibration.sd[i], report.calibration.sd_slope[i] * estimated[axis]);
+            within += std::abs(estimated[axis] - applied->wrench_S[axis]) <= stated_sd(report.calibration, i, estimated);
         EXPECT_DOUBLE_EQ(number(row[7]), 100 * within / double(report.held_out.size()));
         EXPECT_EQ(number(row[8]), 0);
     }
