@@ -67,7 +67,33 @@ void validate(const Labelled& labelled, const Rows& rows, const ZeroDrift& drift
     const auto known = [](double rms) { return std::isfinite(rms); };
     if (std::all_of(trial.about.held_out_rms.begin(), trial.about.held_out_rms.end(), known))
         calibration.held_out_rms = trial.about.held_out_rms;
+    if (method.must_gain) {
+        // The parts may gain where the calibration of all rows does not.
+        Calibration part = calibration;
+        part.method = method.adds_to;
+        const Wrench of_part = rms_error(part, rows);
+        bool gains = false;
+        for (const auto& component : report.components) {
+            const std::size_t c = component_index(component.name);
+            gains = gains || own[c] < of_part[c];
+        }
+        if (!gains)
+            throw Undetermined(
+                fmt::format("method {0} gains nothing: no start gave a correction that helps on rows left out; "
+                            "use method {1}",
+                            method.method, method.adds_to));
+    }
     if (method.adds_to.empty() || calibration.validation.empty()) return;
+    std::string worse;
+    for (const auto& component : report.components) {
+        const std::size_t c = component_index(component.name);
+        if (method.must_gain && trial.validation.rms[c] > trial.validation.rms_of_part[c])
+            worse += fmt::format("{}{} ({:.3g} against {:.3g} % of full scale)", worse.empty() ? "" : ", ", component.name,
+                                 100 * trial.validation.rms[c] / component.full_scale,
+                                 100 * trial.validation.rms_of_part[c] / component.full_scale);
+    }
+    if (!worse.empty())
+        trial.warnings.push_back(fmt::format("its held-out error is above that of method {} in {}", method.adds_to, worse));
     const double error = mean_part(trial.validation.rms, report), before = mean_part(trial.validation.rms_of_part, report);
     if (error < before || !std::isfinite(error) || !std::isfinite(before)) return;
     const std::string text = fmt::format(
