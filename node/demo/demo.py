@@ -25,6 +25,7 @@ from plc import NotSeen, Plc  # noqa: E402
 BINS = {"A": 0.12, "B": 0.21, "C": 0.34}  # kg
 GRIP_STATES = ["open", "contact", "grasped", "lifting", "holding", "slipping", "lost"]
 WEIGHT_STATES = ["none", "estimating", "stable", "overload", "not observable"]
+PAUSED = "paused with open jaws, so that a tare succeeds: tactilectl tare left; p goes on"
 QUALITY = {tactiled.GOOD: ("GOOD", 32), tactiled.UNCERTAIN: ("UNCERTAIN", 33), tactiled.BAD: ("BAD", 31)}
 FULL_N, BAR = 10.0, 16
 WIDTH = 80  # columns of a plain terminal
@@ -40,10 +41,16 @@ class Task(threading.Thread):
         self.random, self.number, self.right, self.wrong, self.failed = random.Random(11), 0, 0, 0, 0
         self.true_kg, self.done, self.failure = 0.0, "", None
         self.held = lambda: None  # called while a weighed object is held
+        self.pause, self.paused = False, False  # asked for by a key; between two picks, with open jaws
 
     def run(self):
         try:
             while not self.plc.ended.is_set() and (self.picks == 0 or self.number < self.picks):
+                self.paused = self.pause
+                if self.paused:  # the PLC still scans, as its watchdog demands
+                    self.plc.scan()
+                    time.sleep(0.05)
+                    continue
                 self.number += 1
                 self.one()
         except OSError as failure:
@@ -107,8 +114,8 @@ def screen(node, task, fault, port):
              f"{'':<6} {'press 0 .. 10 N':<{BAR}} {'fx/N':>8}{'fy/N':>8}{'fz/N':>8}"]
     lines += [force_line(name, sample) for name, sample in samples.items()]
     lines += ["", f"grip {grip:<9} weight {weight:<20} {WEIGHT_STATES[min(g.weight_state, 4)]:<14} true {task.true_kg:.4f} kg",
-              task.done, f"sorted: {task.right} right, {task.wrong} wrong, {task.failed} given up", "",
-              "keys: " + "  ".join(f"{key} {name}" for key, (name, _) in FAULTS.items()) + "  r repair  q quit",
+              PAUSED if task.paused else task.done, f"sorted: {task.right} right, {task.wrong} wrong, {task.failed} given up", "",
+              "keys: " + "  ".join(f"{key} {name}" for key, (name, _) in FAULTS.items()) + "  r repair  p pause  q quit",
               paint(f"fault: {FAULTS[fault][1]}", 31) if fault else "fault: none", "",
               "In another terminal: build/release/bin/tactilectl status, or read left --follow,",
               f"or as a PLC: mbpoll -m tcp -p {port} -t 3:hex -0 -r 0 -c 32 -1 127.0.0.1"]
@@ -146,6 +153,8 @@ def watch(node, gripper, task, port):
                 key = sys.stdin.read(1)
                 if key == "q":
                     return
+                if key == "p":
+                    task.pause = not task.pause
                 if key in FAULTS or key == "r":
                     fault = key if key in FAULTS else ""
                     gripper.inject(key)
