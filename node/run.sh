@@ -3,6 +3,7 @@
 # sorts objects as a program commands it through Modbus, beside a recorded real skin. No hardware. Ctrl-C or q ends it.
 # Without a terminal it prints a line a pick and ends after three.
 #   PICKS=10 ./node/run.sh     prints lines and ends after ten
+#   PORT=1512 ./node/run.sh    serves Modbus at another port
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -12,13 +13,46 @@ if [ -z "${TACTILED_BUILT:-}" ]; then  # set: use existing programs
     cmake --build --preset release --target tactiled tactilectl tactiled-web
 fi
 
-bin=build/release/bin
+bin=build/release/bin port=${PORT:-1502} config=config/pick.toml
 mkdir -p build/demo
+exec 8>build/demo/lock
+if ! flock -n 8; then
+    echo "node/run.sh: a demo runs in this folder already: end it first (q or Ctrl-C)" >&2
+    exit 1
+fi
+if (exec 3<>"/dev/tcp/127.0.0.1/$port") 2>/dev/null; then
+    echo "node/run.sh: another program serves port $port: end it, or choose another one: PORT=$((port + 10)) ./node/run.sh" >&2
+    exit 1
+fi
+if [ "$port" != 1502 ]; then  # the paths of a configuration are relative to its folder
+    sed -e "s/127.0.0.1:1502/127.0.0.1:$port/" -e 's|"calibration/|"../../config/calibration/|' -e 's|"\.\./build/demo/|"|' \
+        config/pick.toml >build/demo/pick.toml
+    config=build/demo/pick.toml
+fi
 # Root has /run/tactiled and a session has $XDG_RUNTIME_DIR; without either, use a folder that only this user can
-# write to.
+# write to, and that no other user can replace.
+trusted() {
+    local path
+    path=$(readlink -f "$1") || return 1
+    while [ -z "$(find "$path" -maxdepth 0 -perm /022)" ]; do
+        [ "$path" != / ] || return 0
+        path=$(dirname "$path")
+    done
+    return 1
+}
 if [ "$(id -u)" != 0 ] && [ -z "${XDG_RUNTIME_DIR:-}" ] && [ -z "${TACTILED_RUNTIME_DIR:-}" ]; then
     export TACTILED_RUNTIME_DIR=$PWD/build/demo/run
-    echo "In other terminals: export TACTILED_RUNTIME_DIR=$TACTILED_RUNTIME_DIR"
+    # 90: the address of the control socket in it has at most 107 bytes
+    if { [ ${#TACTILED_RUNTIME_DIR} -gt 90 ] || ! trusted build/demo; } && mkdir -p "${HOME:=/}/.cache" 2>/dev/null && trusted "$HOME/.cache"; then
+        TACTILED_RUNTIME_DIR=$HOME/.cache/tactiled-demo  # a clone in /tmp, or one that a group may write to
+    fi
+    printf 'In other terminals: export TACTILED_RUNTIME_DIR=%q\n' "$TACTILED_RUNTIME_DIR"
+fi
+status=0
+"$bin/tactilectl" status >/dev/null 2>&1 || status=$?
+if [ $status != 3 ]; then  # exit status 3: none runs
+    echo "node/run.sh: a daemon named \"gripper\" runs already: end it first (build/release/bin/tactilectl status has its pid)" >&2
+    exit 1
 fi
 children=()
 end() {
@@ -34,8 +68,8 @@ rm -f build/demo/left build/demo/right
 
 # In a terminal Ctrl-C reaches every process: end() stops player and daemon instead, in order.
 setsid "$bin/tactilectl" play --in config/demo/skin_session2.csv --pty build/demo/skin --format lines --sequence --crc16 \
-    --speed 4 --loop 2>build/demo/play-skin.log & children+=($!)
-setsid "$bin/tactiled" --config config/pick.toml 2>build/demo/tactiled.log & daemon=$!
+    --speed 4 --loop 2>build/demo/play-skin.log 8>&- & children+=($!)
+setsid "$bin/tactiled" --config "$config" 2>build/demo/tactiled.log 8>&- & daemon=$!
 children=("$daemon" "${children[@]}")
 # 3: there is no daemon of that name yet.
 for _ in $(seq 100); do
@@ -44,5 +78,8 @@ for _ in $(seq 100); do
     kill -0 "$daemon" 2>/dev/null || break
     sleep 0.05
 done
-if ! kill -0 "$daemon" 2>/dev/null; then cat build/demo/tactiled.log; exit 1; fi
-/usr/bin/python3 node/demo/demo.py build/demo 1502 ${PICKS:-}
+if ! kill -0 "$daemon" 2>/dev/null; then
+    sed 's/^<[0-7]>//' build/demo/tactiled.log >&2  # without the levels of the journal
+    exit 1
+fi
+/usr/bin/python3 node/demo/demo.py build/demo "$port" ${PICKS:-}

@@ -10,6 +10,7 @@ import pathlib
 import random
 import re
 import select
+import shlex
 import sys
 import termios
 import threading
@@ -24,8 +25,10 @@ from plc import NotSeen, Plc  # noqa: E402
 BINS = {"A": 0.12, "B": 0.21, "C": 0.34}  # kg
 GRIP_STATES = ["open", "contact", "grasped", "lifting", "holding", "slipping", "lost"]
 WEIGHT_STATES = ["none", "estimating", "stable", "overload", "not observable"]
+PAUSED = "paused with open jaws, so that a tare succeeds: tactilectl tare left; p goes on"
 QUALITY = {tactiled.GOOD: ("GOOD", 32), tactiled.UNCERTAIN: ("UNCERTAIN", 33), tactiled.BAD: ("BAD", 31)}
-FULL_N, BAR = 10.0, 24
+FULL_N, BAR = 10.0, 16
+WIDTH = 80  # columns of a plain terminal
 COLOUR = "PICTURE" in os.environ or sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM", "dumb") != "dumb"
 
 
@@ -38,10 +41,16 @@ class Task(threading.Thread):
         self.random, self.number, self.right, self.wrong, self.failed = random.Random(11), 0, 0, 0, 0
         self.true_kg, self.done, self.failure = 0.0, "", None
         self.held = lambda: None  # called while a weighed object is held
+        self.pause, self.paused = False, False  # asked for by a key; between two picks, with open jaws
 
     def run(self):
         try:
             while not self.plc.ended.is_set() and (self.picks == 0 or self.number < self.picks):
+                self.paused = self.pause
+                if self.paused:  # the PLC still scans, as its watchdog demands
+                    self.plc.scan()
+                    time.sleep(0.05)
+                    continue
                 self.number += 1
                 self.one()
         except OSError as failure:
@@ -85,21 +94,33 @@ def force_line(name, sample):
     return f"{name:<6} {'#' * filled}{'.' * (BAR - filled)} {numbers}  {contact:<8}{paint(word, colour)} {reasons}"
 
 
-def screen(node, task, fault):
+def cropped(line, width):
+    """Returns the line without what is beyond `width` columns; colours take none."""
+    out, column = "", 0
+    for part in re.split("(\x1b\\[\\d*m)", line):
+        if not part.startswith("\x1b"):
+            part = part[:max(0, width - column)]
+            column += len(part)
+        out += part
+    return out
+
+
+def screen(node, task, fault, port):
     record, samples = node.snapshot()
     g = record.grasp
     grip = GRIP_STATES[g.state] if g.state < len(GRIP_STATES) else "unknown"
     weight = f"{g.weight_kg:.4f} +- {g.weight_sd_kg:.4f} kg" if g.weight_kg == g.weight_kg else "-"
-    lines = ["tactiled: a pick task through Modbus. Gripper simulated; skin: a recording of a real one.", "",
+    lines = ["tactiled: a pick task through Modbus. Gripper: simulated; skin: real, recorded.", "",
              f"{'':<6} {'press 0 .. 10 N':<{BAR}} {'fx/N':>8}{'fy/N':>8}{'fz/N':>8}"]
     lines += [force_line(name, sample) for name, sample in samples.items()]
-    lines += ["", f"grip {grip:<10} weight {weight:<24} {WEIGHT_STATES[min(g.weight_state, 4)]:<12} true weight {task.true_kg:.4f} kg",
-              task.done, f"sorted: {task.right} right, {task.wrong} wrong, {task.failed} given up", "",
-              "faults: " + "  ".join(f"{key} {name}" for key, (name, _) in FAULTS.items()) + "  r repair  q quit",
+    lines += ["", f"grip {grip:<9} weight {weight:<20} {WEIGHT_STATES[min(g.weight_state, 4)]:<14} true {task.true_kg:.4f} kg",
+              PAUSED if task.paused else task.done, f"sorted: {task.right} right, {task.wrong} wrong, {task.failed} given up", "",
+              "keys: " + "  ".join(f"{key} {name}" for key, (name, _) in FAULTS.items()) + "  r repair  p pause  q quit",
               paint(f"fault: {FAULTS[fault][1]}", 31) if fault else "fault: none", "",
-              "From another terminal: tactilectl status, tactilectl read left --follow (build/release/bin), and as a PLC reads it:",
-              "mbpoll -m tcp -p 1502 -t 3:hex -0 -r 0 -c 32 -1 127.0.0.1"]
-    return lines
+              "In another terminal: build/release/bin/tactilectl status, or read left --follow,",
+              f"or as a PLC: mbpoll -m tcp -p {port} -t 3:hex -0 -r 0 -c 32 -1 127.0.0.1"]
+    folder = os.environ.get("TACTILED_RUNTIME_DIR")  # may be longer than a line
+    return [cropped(line, WIDTH) for line in lines] + ([f"there, first: export TACTILED_RUNTIME_DIR={shlex.quote(folder)}"] if folder else [])
 
 
 def picture(lines):
@@ -112,11 +133,11 @@ def picture(lines):
         for colour, word, rest in zip(parts[1::3], parts[2::3], parts[3::3]):
             spans.append(f'<tspan fill="{colours[colour]}">{html.escape(word)}</tspan>{html.escape(rest)}')
         rows.append(f'<text x="14" y="{24 + 18 * i}" xml:space="preserve">{"".join(spans)}</text>')
-    return (f'<svg xmlns="http://www.w3.org/2000/svg" width="900" height="{20 + 18 * len(lines)}" font-family="monospace" font-size="14" fill="#ddd">'
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" width="720" height="{20 + 18 * len(lines)}" font-family="monospace" font-size="14" fill="#ddd">'
             '<rect width="100%" height="100%" rx="6" fill="#1d1f21"/>\n' + "\n".join(rows) + "\n</svg>\n")
 
 
-def watch(node, gripper, task):
+def watch(node, gripper, task, port):
     """Shows the live view until q, Ctrl-C or the end of the task."""
     fault, before = "", termios.tcgetattr(sys.stdin)
     try:
@@ -124,7 +145,7 @@ def watch(node, gripper, task):
         print("\x1b[2J", end="")
         while task.is_alive():
             try:
-                lines = screen(node, task, fault)
+                lines = screen(node, task, fault, port)
             except tactiled.Error as error:
                 lines = [f"no data: {error}"]
             print("\x1b[H" + "\x1b[K\n".join(lines) + "\x1b[K\n\x1b[J", end="", flush=True)
@@ -132,6 +153,8 @@ def watch(node, gripper, task):
                 key = sys.stdin.read(1)
                 if key == "q":
                     return
+                if key == "p":
+                    task.pause = not task.pause
                 if key in FAULTS or key == "r":
                     fault = key if key in FAULTS else ""
                     gripper.inject(key)
@@ -148,13 +171,16 @@ def main():
     gripper = Gripper(folder, 7)
     gripper.start()
     node = tactiled.open("gripper")
-    plc = Plc(port)
+    try:
+        plc = Plc(port)
+    except OSError as failure:
+        sys.exit(f"demo: port {port}: {failure}; build/demo/tactiled.log may have the reason")
     task = Task(gripper, plc, picks or (0 if live else 3), (lambda text: None) if live else (lambda text: print(text, flush=True)))
     if "PICTURE" in os.environ:
-        task.held = lambda: pathlib.Path(os.environ["PICTURE"]).write_text(picture(screen(node, task, "")))
+        task.held = lambda: pathlib.Path(os.environ["PICTURE"]).write_text(picture(screen(node, task, "", port)))
     task.start()
     if live:
-        watch(node, gripper, task)
+        watch(node, gripper, task, port)
     else:
         task.join()
     plc.ended.set()

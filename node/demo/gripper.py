@@ -16,8 +16,8 @@ TIME = 2  # flag of a binary frame: it carries the device's time (drivers/wire/c
 
 FAULTS = {  # key: name, effect
     "u": ("unplug", "the left jaw's cable is pulled"),
-    "f": ("frozen channel", "a channel of the left jaw repeats its last number"),
-    "d": ("delayed bytes", f"the left jaw's bytes arrive {DELAY_s} s late"),
+    "f": ("frozen", "a channel of the left jaw repeats its last number"),
+    "d": ("delayed", f"the left jaw's bytes arrive {DELAY_s} s late"),
     "j": ("dead jaw", "the left jaw measures no load"),
 }
 

@@ -1,12 +1,10 @@
 """Sensors whose channels are newtons already, as a test commands them, and a guided verb of tactilectl that it answers."""
-import os
 import random
 import subprocess
-import threading
 import time
-import tty
 
 from daemon import BIN, Daemon
+from pty_device import PtyDevice
 
 RATE_HZ = 200
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -28,36 +26,19 @@ def link_and_sensor(name, channels, more=""):
             f'calibration = "{{folder}}/{name}.toml"\nstale_ms = 300\n{more}\n')
 
 
-class Device(threading.Thread):
+class Device(PtyDevice):
     """Sends `reading`, a list of numbers that the test replaces, with noise."""
 
     def __init__(self, path, channels, seed, noise=0.003):
-        super().__init__(daemon=True)
-        self.reading, self.is_silent, self.ended = [0.0] * channels, False, threading.Event()
+        self.reading, self.is_silent = [0.0] * channels, False
         self.random, self.noise = random.Random(seed), noise
-        self.master, self.slave = os.openpty()
-        tty.setraw(self.slave)
-        os.set_blocking(self.master, False)
-        path.symlink_to(os.ttyname(self.slave))
-        self.start()
+        super().__init__(path, RATE_HZ)
 
-    def run(self):
-        sequence = 0
-        while not self.ended.wait(1 / RATE_HZ):
-            sequence += 1
-            if self.is_silent:
-                continue
-            values = ",".join(f"{v + self.random.gauss(0, self.noise):.6f}" for v in self.reading)
-            try:
-                os.write(self.master, f"{sequence},{time.monotonic_ns() // 1000 % 2**32},{values}\n".encode())
-            except BlockingIOError:
-                pass  # the daemon is not there
-
-    def finish(self):
-        self.ended.set()
-        self.join()
-        os.close(self.master)
-        os.close(self.slave)
+    def line(self, sequence):
+        if self.is_silent:
+            return None
+        values = ",".join(f"{v + self.random.gauss(0, self.noise):.6f}" for v in self.reading)
+        return f"{sequence},{time.monotonic_ns() // 1000 % 2**32},{values}"
 
 
 def begin(test, config, channels, commands=False, full_scale=100.0, more=""):

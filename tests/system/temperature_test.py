@@ -2,17 +2,16 @@
 """Two sensors of hairs that a kelvin loads with four times their full scale: a thermometer that is wrong, sensors that are exchanged on
 their ports and calibrations that are exchanged in the configuration give no wrong value that is GOOD."""
 import math
-import os
 import pathlib
 import random
 import signal
 import sys
 import threading
-import tty
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from daemon import ROOT, Daemon, wait_for  # noqa: E402
+from pty_device import PtyDevice  # noqa: E402
 
 sys.path.insert(0, str(ROOT / "node/python"))
 import tactiled  # noqa: E402
@@ -55,30 +54,20 @@ def calibration(serial):
     return text.replace('serial = "documents"', f'serial = "{serial}"').replace("\nparameters.area", "\n" + LEARNT + "\nparameters.area", 1)
 
 
-class Hairs(threading.Thread):
+class Hairs(PtyDevice):
     """A device that sends 200 lines a second: four hairs at no load, its temperature and its number."""
 
     def __init__(self, path, number):
-        super().__init__(daemon=True)
-        self.number, self.true_C, self.said_C, self.still, self.ended = number, 23.0, None, {}, threading.Event()
-        self.master, self.slave = os.openpty()
-        tty.setraw(self.slave)
-        os.set_blocking(self.master, False)
-        path.symlink_to(os.ttyname(self.slave))
-        self.start()
+        self.number, self.true_C, self.said_C, self.still = number, 23.0, None, {}
+        self.random = random.Random(number)
+        super().__init__(path)
 
-    def run(self):
-        rng, sequence = random.Random(self.number), 0
-        while not self.ended.wait(0.005):
-            sequence += 1
-            hairs = [PER_K * (self.true_C - 23) + rng.gauss(0, 5e-6) for _ in range(4)]
-            for k, value in self.still.items():
-                hairs[k] = value
-            said = f"{self.true_C + rng.gauss(0, 1e-3):.6f}" if self.said_C is None else str(self.said_C)
-            try:
-                os.write(self.master, (f"{sequence}," + ",".join(f"{h:.9f}" for h in hairs) + f",{said},{self.number}\n").encode())
-            except BlockingIOError:
-                pass  # there is no daemon
+    def line(self, sequence):
+        hairs = [PER_K * (self.true_C - 23) + self.random.gauss(0, 5e-6) for _ in range(4)]
+        for k, value in self.still.items():
+            hairs[k] = value
+        said = f"{self.true_C + self.random.gauss(0, 1e-3):.6f}" if self.said_C is None else str(self.said_C)
+        return f"{sequence}," + ",".join(f"{h:.9f}" for h in hairs) + f",{said},{self.number}"
 
 
 class TemperatureAndIdentity(unittest.TestCase):
@@ -93,7 +82,7 @@ class TemperatureAndIdentity(unittest.TestCase):
     def tearDown(self):
         self.daemon.__exit__()
         for device in self.devices.values():
-            device.ended.set()
+            device.finish()
 
     def latest(self, name="left"):
         return tactiled.open(self.daemon.name).latest(name)

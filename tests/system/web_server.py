@@ -3,14 +3,17 @@ import base64
 import http.client
 import json
 import pathlib
+import shutil
 import signal
 import struct
 import subprocess
 import tempfile
 import time
+import unittest
 
 import process_costs
 from daemon import BIN, free_port, wait_for
+from unit_daemon import quality_is, unit_daemon
 
 PROGRAM = BIN / "tactiled-web"
 TOKEN = "0123456789abcdef-of-a-test"
@@ -120,3 +123,25 @@ def column(text, kind):
     """Returns a column of the history: kind is "d", "f" or "I"."""
     raw = base64.b64decode(text)
     return struct.unpack(f"<{len(raw) // struct.calcsize(kind)}{kind}", raw)
+
+
+class WebCase(unittest.TestCase):
+    """A daemon with one sensor, and web servers beside it."""
+
+    rows = "0,1,2,-3\n0.01,1,2,-3\n"
+    rate = 200
+
+    def setUp(self):
+        if not PROGRAM.exists():
+            self.skipTest("tactiled-web is not built: libmicrohttpd-dev was missing")
+        self.daemon = unit_daemon(self.rows, self.rate).start()
+        self.addCleanup(shutil.rmtree, self.daemon.folder)
+        self.addCleanup(self.daemon.__exit__)
+        wait_for(quality_is(self.daemon, "good"), 5, "a good value")
+
+    def web(self, *words, **kinds):
+        web = Web(self.daemon.name, *words, **kinds)
+        self.addCleanup(shutil.rmtree, web.folder)
+        self.addCleanup(web.__exit__)
+        wait_for(lambda: web.status()["alive"], 5, "the first tick")
+        return web
