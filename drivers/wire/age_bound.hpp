@@ -97,6 +97,8 @@ public:
     // on, a lag that begins is not seen. It is not forgotten. rt: wait-free
     [[nodiscard]] bool is_too_fast() const noexcept { return is_too_fast_; }
 
+    // Drift of the offset, as a fraction of the host's time. rt: wait-free
+    [[nodiscard]] double slope() const noexcept { return slope_; }
     // Host time less the device's time, since the first frame. rt: wait-free
     [[nodiscard]] double offset_ns() const noexcept { return x_; }
 
@@ -247,7 +249,7 @@ private:
     double t_ = 0, x_ = 0, reference_ = 0;  // since the first frame
     double slope_ = 0, uncertainty_;
     double ahead_ns_ = 0;  // last step of the device's clock
-    double back_ns_ = 0;  // x rose by this because the device's clock went back; 0: it did not
+    double back_ns_ = 0;   // x rose by this because the device's clock went back; 0: it did not
     double back_silence_ns_ = 0;
     double before_back_ = 0, late_before_back_ = 0, back_since_ = 0;  // x, the lateness and t_ before
     double first_since_back_ = 0, min_since_back_ = 0;                // x since then, without the drift

@@ -78,7 +78,7 @@ private:
     static constexpr double kSettled_ns = 160e6;
     static constexpr double kMinSettle_ns = 50e6;     // frames that were kept come faster one after the other
     static constexpr double kFallen_ns = 60e6;        // more than jitter
-    static constexpr double kHiddenByRate_ns = 96e6;  // what AgeBound::is_too_fast() and jitter allow a wrong rate to hide
+    static constexpr double kHiddenByRate_ns = 96e6;  // AgeBound::is_too_fast() and jitter allow a wrong rate to hide it
     static constexpr double kShortCounter_ns = 60e9;
     static constexpr double kMaxWait_ns = 5e9;
     static constexpr double kMinClosed_ns = 200e6, kMaxClosed_ns = 2e9, kMissingFrames = 4;
@@ -318,7 +318,10 @@ inline void StreamAge::measure_rate(std::uint64_t host_ns) noexcept {
         double measured_ns = elapsed_ns / proved_frames_;
         if (declared_ns_ > 0)
             measured_ns = std::clamp(measured_ns, declared_ns_ / (1 + tolerance_), declared_ns_ * (1 + tolerance_));
-        if (std::abs(measured_ns - period_ns_) * proved_frames_ > kHiddenByRate_ns) {
+        // The bound's slope corrects the period. A rate that is as before leaves the bound as it is: a new one would learn a
+        // lag that grows slowly.
+        if (std::abs(measured_ns - period_ns_ / (1 - bound_.slope())) * proved_frames_ >
+            kHiddenByRate_ns + bound_.uncertainty() * elapsed_ns) {
             period_ns_ = max_period_ns_ = measured_ns;
             begin_to_count();
         }

@@ -357,6 +357,6 @@ const std::vector<Kind> kKinds = {
     {"a bridge slower than the device at first", slower_bridge_at_first, kByClocks, 0, true},
     {"a lag at the first frame", lag_at_the_first_frame, kByNone, 0, true},
     {"a lag that grows by 150 ppm", lag_that_grows_slowly, kByNone},
-    {"a lag that grows by 250 ppm", lag_that_grows_faster, kByClocks}};
+    {"a lag that grows by 250 ppm", lag_that_grows_faster, kByCounters}};
 
 }  // namespace tactiled::faults

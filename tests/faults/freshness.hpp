@@ -149,6 +149,7 @@ private:
 
     void step() {
         const double period_s = 1 / (stream_.rate_Hz * rate_factor);
+        if (discarded_ && now_s_ < closed_until_s_) extra_lag_s = 0;  // a closed connection has no backlog
         if (now_s_ > next_temperature_s_) {
             temperature_ = stream_.temperature_ppm * (temperature_ > 0 ? 0 : 1);
             next_temperature_s_ = now_s_ + 1800;

@@ -185,10 +185,11 @@ std::string undetected_delays(const Driver& driver) {
     if (route.path != Route::Path::network || by.starts_with("cable")) return "";
     std::string not_seen =
         fmt::format("a delay at the first frame after the start, one that grows by less than {} ppm", route.clock_ppm);
+    if (!route.reopening_discards && !by.starts_with("arrival")) not_seen += ", one that begins while the device restarts";
     if (by.starts_with("clock (")) return not_seen;
-    if (by.starts_with("arrival")) return not_seen + ", any delay without a silence, old content";
+    if (by.starts_with("arrival")) return not_seen + ", any delay without a silence, old or swapped content";
     if (by.starts_with("clock")) not_seen += "; without the device's time also";
-    not_seen += ", old content under a new number";
+    not_seen += ", old content under a new number, one that grows in the 2 s in which the rate is measured";
     if (route.reopening_discards)
         not_seen += ", a relay that keeps its delay and drops frames while the link is opened again";
     return not_seen;
