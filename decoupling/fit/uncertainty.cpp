@@ -23,7 +23,6 @@ struct Tail {
     std::size_t errors;
 };
 constexpr Tail kTails[] = {{kWithinOne, 1, 8}, {0.95, 1.96, 40}, {0.99, 2.576, 200}};
-constexpr std::size_t kParts = 4;
 constexpr std::size_t kRowsOfAGroup = 10;  // number of rows from which on the root mean square of a group counts
 // Slopes of an error that grows with its component, with the load, and with the distance from the greatest load since the
 // last rest: its standard deviation is
@@ -63,25 +62,37 @@ double scale_for(std::span<Ratio> ratios, const Tail& tail) {
     return ratios[at].ratio / tail.sds;
 }
 
-// Returns, for a shape, the smallest s that holds for all errors, and for each quarter of them, from the smallest to the
-// largest standard deviation: a shape that is too small for light loads is no gain.
-double scale_for(const std::vector<Error>& errors, const Shape& shape) {
+std::vector<Ratio> ratios_of(const std::vector<Error>& errors, const Shape& shape) {
     std::vector<Ratio> ratios;
     for (const Error& error : errors) {
         const double of_shape = size(error, shape);
         ratios.push_back({of_shape, error.size / of_shape});
     }
+    return ratios;
+}
+
+// Returns the smallest s that holds for all of them. Reorders them.
+double scale_for(std::span<Ratio> ratios) {
     double needed = 0;
     for (const Tail& tail : kTails)
-        if (errors.size() >= tail.errors) needed = std::max(needed, scale_for(ratios, tail));
-    if (shape.load == 0 && shape.unloading == 0) return needed;
-    std::sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.size < b.size; });
-    for (std::size_t part = 0; part < kParts; ++part) {
-        const std::size_t begin = part * ratios.size() / kParts, end = (part + 1) * ratios.size() / kParts;
-        for (const Tail& tail : kTails)
-            if (end - begin >= tail.errors)
-                needed = std::max(needed, scale_for(std::span(ratios).subspan(begin, end - begin), tail));
-    }
+        if (ratios.size() >= tail.errors) needed = std::max(needed, scale_for(ratios, tail));
+    return needed;
+}
+
+// Returns the smallest s that holds for each quarter of them, from the smallest to the largest standard deviation: a shape
+// that is too small for light loads is no gain. Reorders them.
+double scale_for_quarters(std::span<Ratio> ratios) {
+    const std::size_t n = ratios.size(), half = n / 2;
+    const auto split = [](std::span<Ratio> part, std::size_t at) {
+        std::nth_element(part.begin(), part.begin() + std::ptrdiff_t(at), part.end(),
+                         [](const Ratio& a, const Ratio& b) { return a.size < b.size; });
+    };
+    split(ratios, half);
+    split(ratios.first(half), half / 2);
+    split(ratios.subspan(half), (n - half) / 2);
+    const std::size_t ends[] = {0, half / 2, half, half + (n - half) / 2, n};
+    double needed = 0;
+    for (std::size_t i = 0; i < 4; ++i) needed = std::max(needed, scale_for(ratios.subspan(ends[i], ends[i + 1] - ends[i])));
     return needed;
 }
 
@@ -164,15 +175,16 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
             const double needed_gain = unloading > 0 && best.unloading == 0 ? kWorth : 1;
             for (const auto& [slope, load] : slopes) {
                 const Shape other{slope, load, unloading};
-                const double needed =
-                    std::max(validation.by_sessions ? worst_group(errors, other) : 0.0, scale_for(errors, other));
+                std::vector<Ratio> ratios = ratios_of(errors, other);
                 double log_size = 0;
-                for (const Error& error : errors) log_size += std::log(size(error, other)) / double(errors.size());
-                if (const double mean = needed * std::exp(log_size); mean < needed_gain * min) {
-                    min = mean;
-                    best = other;
-                    scale = needed;
-                }
+                for (const Ratio& each : ratios) log_size += std::log(each.size) / double(errors.size());
+                const double largest = needed_gain * min / std::exp(log_size);  // s of a better shape is below this
+                double needed = std::max(validation.by_sessions ? worst_group(errors, other) : 0.0, scale_for(ratios));
+                if (needed < largest && (load > 0 || unloading > 0)) needed = std::max(needed, scale_for_quarters(ratios));
+                if (!(needed < largest)) continue;
+                min = needed * std::exp(log_size);
+                best = other;
+                scale = needed;
             }
         }
         scale *= student(freedom_of(validation, c, calibration));

@@ -28,11 +28,12 @@ struct Shares {
     std::size_t within_true = 0;                     // within the true rms error of this course
     double sharpness = 0;                            // the largest median sd / rms of a component
     double sharpness_together = 0;                   // median sd / rms, each as rms over components in full scales
+    double latency = 0;                              // the largest ratio of median sd with and without that of latency
     std::map<std::uint32_t, std::size_t> reasons;
 };
 
 struct Errors {
-    std::vector<float> sd, error;
+    std::vector<float> sd, error, without_latency;  // the last: sd
     double squares = 0;
 };
 
@@ -52,6 +53,7 @@ public:
         Wrench sum{};
         for (std::size_t i = 0; i < readings.size(); ++i) {
             Estimate e = decoupler_->decouple(readings[i]);
+            before_ = e.sd;
             if (e.quality == TACTILED_BAD)
                 latency_.forget();
             else
@@ -69,6 +71,8 @@ public:
         }
         is_tared_ = true;
     }
+    // The next rows are those of another mounting, which is tared, too.
+    void mount_again() { is_tared_ = false; }
     Shares shares() {
         double sds = 0, errors_squared = 0;
         for (std::size_t i = 0; i < candidate_.calibration.components.size(); ++i) {
@@ -81,6 +85,10 @@ public:
             for (const float error : errors.error) shares_.within_true += std::abs(double(error)) <= rms;
             const double full_scale =
                 i < candidate_.calibration.full_scale.size() ? candidate_.calibration.full_scale[i] : 1;
+            auto& before = errors.without_latency;
+            const auto middle_before = before.begin() + std::ptrdiff_t(before.size() / 2);
+            std::nth_element(before.begin(), middle_before, before.end());
+            shares_.latency = std::max(shares_.latency, double(*middle / *middle_before));
             sds += std::pow(double(*middle) / full_scale, 2);
             errors_squared += std::pow(rms / full_scale, 2);
         }
@@ -121,6 +129,7 @@ private:
                 wrong = wrong || value < min - 5 * e.sd[c] || value > max + 5 * e.sd[c];
             }
             errors_[c].sd.push_back(float(e.sd[c]));
+            errors_[c].without_latency.push_back(float(before_[c]));
             errors_[c].error.push_back(float(error));
             errors_[c].squares += error * error;
         }
@@ -132,7 +141,7 @@ private:
     std::unique_ptr<Decoupler> decoupler_;
     double delay_s_;
     Latency latency_;
-    Wrench zero_{};
+    Wrench zero_{}, before_{};
     bool is_tared_ = false;
     std::array<Errors, 6> errors_;
     Shares shares_;

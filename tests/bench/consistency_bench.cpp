@@ -3,14 +3,15 @@
 //
 //   consistency_bench coverage [MODEL]             each scene: share within 1 sd, beyond 5 sd (and of them, in % of GOOD,
 //                                                  those off from every load during the measurement, too: not only late),
-//                                                  median sd / rms, share within the true rms of the scene
+//                                                  median sd / rms, share within the true rms of the scene, median sd
+//                                                  with that of latency over that without
 //   consistency_bench costs [MODEL]                ns per sample of parity, joint domain and latency
 //   consistency_bench scenes [NAME]                the same for the scenes with an [[expect]], and without parity
 //   consistency_bench damaged FIRST COUNT [MODEL]  the damaged scenes with COUNT seeds from FIRST on: GOOD and beyond 5 sd
 //   consistency_bench alarms HOURS [MODEL]         clean use with a load that wanders: samples that are not GOOD, by reason
 //   consistency_bench damage FIT.csv JUDGE.csv     a recording: one channel after the other damaged while the rows of JUDGE
 //                                                  run; GOOD, and GOOD and off by more than 10 % of full scale, or by 5 sd;
-//                                                  with parity if the environment has PARITY
+//                                                  with parity if the environment has PARITY; ns of the checks
 //
 // Frozen channels are not looked for: that is the node's, before the model.
 #include <fmt/format.h>
@@ -40,8 +41,8 @@ using namespace tactiled;
 using namespace tactiled::ctl;
 
 void coverage(const std::vector<Contest>& contests) {
-    fmt::print("{:<30} {:>10} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}\n", "method, scene", "GOOD %", "no parity",
-               "in 1 sd", "over 5 sd", "not late", "sd / rms", "together", "in 1 rms", "samples");
+    fmt::print("{:<30} {:>10} {:>9} {:>8} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9} {:>9}\n", "method, scene", "GOOD %",
+               "no parity", "in 1 sd", "over 5 sd", "not late", "sd / rms", "together", "in 1 rms", "latency", "samples");
     for (const Contest& contest : contests)
         for (const Candidate& candidate : contest.candidates)
             for (const Trial& trial : contest.trials) {
@@ -52,11 +53,12 @@ void coverage(const std::vector<Contest>& contests) {
                 Course other(without, trial.delay_s);
                 other.judge(trial.rows);
                 const Shares s = course.shares(), o = other.shares();
-                fmt::print("{:<30} {:>10.2f} {:>9.2f} {:>8.1f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.1f} {:>9}\n",
-                           fmt::format("{}/{} {}", contest.model, candidate.name, trial.kind), percent(s.good, s.samples),
-                           percent(o.good, o.samples), percent(s.within, s.values), percent(s.undetected, s.good),
-                           percent(s.wrong, s.good), s.sharpness, s.sharpness_together, percent(s.within_true, s.values),
-                           s.samples);
+                fmt::print(
+                    "{:<30} {:>10.2f} {:>9.2f} {:>8.1f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.1f} {:>9.2f} {:>9}\n",
+                    fmt::format("{}/{} {}", contest.model, candidate.name, trial.kind), percent(s.good, s.samples),
+                    percent(o.good, o.samples), percent(s.within, s.values), percent(s.undetected, s.good),
+                    percent(s.wrong, s.good), s.sharpness, s.sharpness_together, percent(s.within_true, s.values), s.latency,
+                    s.samples);
                 std::fflush(stdout);
             }
 }
@@ -131,7 +133,10 @@ void alarms(const std::string& folder, const std::vector<Contest>& contests, dou
             const CalibrationScene source = with_other_loads(path, copies, seed);
             const Labelled rows = rows_of(source.scene, std::size_t(source.scene.samples));
             done_s += double(source.scene.samples) / source.scene.rate_Hz;
-            for (Course& course : courses) course.judge(rows);
+            for (Course& course : courses) {
+                course.mount_again();
+                course.judge(rows);
+            }
         }
         for (std::size_t i = 0; i < courses.size(); ++i) {
             const Shares s = courses[i].shares();
@@ -228,6 +233,10 @@ void damage(const std::string& fit_file, const std::string& judge_file, const st
         fmt::print(
             "{}: {} channels checked by the others\n", method,
             std::count_if(calibration.parity.sd.begin(), calibration.parity.sd.end(), [](double sd) { return sd > 0; }));
+        print_costs({{.model = "generic",
+                      .candidates = {{"generic", method, method, calibration}},
+                      .trials = {{"judged", unseen, 0}},
+                      .refused = {}}});
         for (const auto& [kind, how] : kinds)
             judge_damage(calibration, kind, unseen,
                          std::string(kind) == "undamaged"   ? 1
