@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
@@ -34,6 +35,20 @@ std::optional<double> parse(std::string_view text) {
     return value;
 }
 
+// Returns what a cell that is no number seems to be, "" if that is not known.
+std::string hint(std::string_view cell, std::string_view column) {
+    const bool starts_with_digit =
+        !cell.empty() && (std::isdigit(static_cast<unsigned char>(cell[0])) != 0 || cell[0] == '-');
+    if (cell == column) return "; the header is there a second time: are two files joined?";
+    if (column == "t_s" && starts_with_digit && cell.find_first_of(":-T", 1) != cell.npos)
+        return "; times are seconds, such as 12.5";
+    if (starts_with_digit && cell.find(',') != cell.npos) return "; decimals are written with '.', thousands without a mark";
+    const auto blank = cell.find(' ');
+    if (starts_with_digit && blank != cell.npos && parse(cell.substr(0, blank)))
+        return "; the unit is in the column's name only";
+    return "; a missing one is an empty cell";
+}
+
 std::string why_not_opened(const std::string& path) { return fmt::format("{}: {}", path, std::strerror(errno)); }
 
 }  // namespace
@@ -44,8 +59,15 @@ CsvReader::CsvReader(const std::string& path) : name_(path == "-" ? "standard in
     if (!read_line()) throw SetupError(name_ + ": is empty; the first line names the columns: t_s,R1,R3,...");
     // the byte order mark that spreadsheets write before UTF-8
     if (buffer_.starts_with("\xEF\xBB\xBF")) buffer_.erase(0, 3);
+    if (buffer_.starts_with("\xFF\xFE") || buffer_.starts_with("\xFE\xFF") || buffer_.find('\0') != buffer_.npos)
+        refuse("is no text in UTF-8 (UTF-16?); save it as \"CSV UTF-8\"");
+    if (buffer_.find('\r') != buffer_.npos) refuse("lines end with a carriage return alone; end them with a line feed");
+    if (buffer_.starts_with('#') || buffer_.starts_with("sep="))
+        refuse("is no header; delete the lines before the one that names the columns: t_s,R1,R3,...");
     split();
     columns_ = cells_;
+    if (columns_.size() == 1 && columns_[0].find('\t') != std::string::npos)
+        refuse("columns are separated by tabs here; separate them by ','");
     if (columns_.size() == 1 && columns_[0].find(';') != std::string::npos)
         refuse("columns are separated by ';' here; separate them by ',' and write decimals with '.'");
     if (columns_.size() > kMaxColumns) refuse(fmt::format("{} columns; at most {}", columns_.size(), kMaxColumns));
@@ -81,8 +103,8 @@ double CsvReader::number(std::size_t column) const {
     if (cell.empty()) return kNaN;
     const auto value = parse(cell);
     if (!value || std::isinf(*value))
-        refuse(fmt::format("column {}: \"{}\" is no number; a missing one is an empty cell", shown(columns_[column]),
-                           shown(cell)));
+        refuse(fmt::format("column {}: \"{}\" is no number{}", shown(columns_[column]), shown(cell),
+                           hint(cell, columns_[column])));
     return *value;
 }
 

@@ -14,6 +14,7 @@
 #include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/outliers.hpp"
 #include "decoupling/fit/parity_fit.hpp"
+#include "decoupling/fit/recording_checks.hpp"
 #include "decoupling/fit/repeats.hpp"
 #include "decoupling/fit/session_zeros.hpp"
 #include "decoupling/fit/temperature_fit.hpp"
@@ -24,7 +25,8 @@
 namespace tactiled {
 namespace {
 
-constexpr double kTooGood = 1e-6;  // part of full scale: a reference may have six digits
+constexpr std::size_t kMinRows = 6;  // fewer are refused before anything else: their labels vary by chance
+constexpr double kTooGood = 1e-6;    // part of full scale: a reference may have six digits
 
 // Returns the requested fits, at least one.
 std::vector<const FitEntry*> fits_for(const FitRequest& request) {
@@ -105,6 +107,10 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     calibration.channel_unit = request.channel_unit;
     calibration.date = request.date;
 
+    if (const auto n = std::count_if(all.rows.begin(), all.rows.end(), has_label); n < std::ptrdiff_t(kMinRows))
+        throw Undetermined(fmt::format("{} rows with a label; at least {} a coefficient are needed, {} for {} channels", n,
+                                       kRowsPerCoefficient, kRowsPerCoefficient * (all.channels.size() + 1),
+                                       all.channels.size()));
     const auto labelled = std::make_shared<Labelled>(with_useful_channels(all, *methods.front(), report.warnings));
     report.labelled = labelled;
     calibration.channels = labelled->channels;
@@ -115,6 +121,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     check_labels(rows, report);
     check_number(rows, report);
     const bool remembers = methods.front()->remembers;
+    if (!remembers) check_recording(*labelled, rows, report.warnings);
     Temperature temperature;  // set in the calibration at the end: until then all rows are at the reference
     if (!remembers) temperature = take_temperature_off(rows, *labelled, calibration, report.warnings);
     if (!temperature.zero_per_K.empty())  // a row without a temperature is of no use

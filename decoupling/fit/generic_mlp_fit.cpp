@@ -38,8 +38,8 @@ MlpRows some_of(const MlpRows& all, const std::vector<Eigen::Index>& of, std::si
     return {rows_of(all.u, chosen), rows_of(all.y, chosen)};
 }
 
-// Principal axes of the inputs. Those with a standard deviation above 1, along which all channels change together,
-// are divided by it: with raw channels (skin, condition number 700) training takes ten times as many steps.
+// Principal axes of the inputs. An axis with a standard deviation above 1, along which all channels change together, is
+// divided by it. Training with raw channels (skin, condition number 700) takes ten times as many steps.
 struct Axes {
     Eigen::RowVectorXd mean;
     Eigen::MatrixXd turn;  // columns: axes
@@ -105,7 +105,7 @@ std::vector<Sums> train(const MlpRows& seen, const MlpRows& unseen, Eigen::Index
 
 struct Trained {
     MlpNetwork network;
-    Eigen::ArrayXd error;  // of each component on the rows left out, squared, relative to the matrix's
+    Eigen::ArrayXd error;  // squared error of each component on the rows left out, relative to the matrix's
 };
 
 // Trains from one start: for the number of steps, and the part of each component, that are best over all parts of the

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <initializer_list>
 #include <optional>
 
 #include "decoupling/csv.hpp"
@@ -12,7 +13,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMaxSessions = 1000;
+constexpr std::size_t kMaxSessions = 1000, kSessionsOfFewRows = 20;
 constexpr double kLatest_s = 9e9;  // and as much before 0: in nanoseconds below 2^64
 
 // Returns the component that a column seems to contain, 6 if none: "fz", "Fz_mN", "mx_Nmm". A label that was used as
@@ -23,6 +24,24 @@ std::size_t meant_component(std::string_view column) {
                    [](char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; });
     if (column.size() > 2 && column[2] != '_' && column[2] != ' ' && column[2] != '(' && column[2] != '[') return 6;
     return std::size_t(std::find(kComponentNames.begin(), kComponentNames.end(), name) - kComponentNames.begin());
+}
+
+// Returns what a column seems to be that is no channel, "" if it may be one. A time or a row number that was used as a
+// channel would fit this recording only.
+std::string no_channel(std::string_view column) {
+    std::string name(column);
+    std::transform(name.begin(), name.end(), name.begin(),
+                   [](char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; });
+    const auto is = [&](std::initializer_list<std::string_view> words) {
+        return std::any_of(words.begin(), words.end(), [&](std::string_view word) {
+            return name == word || (name.starts_with(word) && (name[word.size()] == '_' || name[word.size()] == ' '));
+        });
+    };
+    if (is({"time", "timestamp", "date", "datetime", "t_ms", "t_us", "t_ns", "seconds"}) || name == "t")
+        return "a time is called \"t_s\" and is in seconds";
+    if (is({"row", "index", "line", "sample"})) return "a row number is no reading";
+    if (is({"force", "weight", "torque", "moment"})) return "a label is called fx_N fy_N fz_N mx_Nm my_Nm or mz_Nm";
+    return "";
 }
 
 std::string list(const std::vector<std::string>& names) { return fmt::format("{}", fmt::join(names, " ")); }
@@ -52,6 +71,9 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
             csv.refuse(fmt::format("column \"{}\": a label is called \"{}\" and is in {}", name, label_column(c),
                                    c < 3 ? "N" : "Nm"));
         if (!selection.channels.empty()) continue;
+        if (const std::string why = no_channel(name); !why.empty())
+            csv.refuse(
+                fmt::format("column \"{}\" would be a channel, but {}; delete it, or choose with --channels", name, why));
         labelled.channels.push_back(name);
         channel.push_back(k);
     }
@@ -107,6 +129,9 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
             throw SetupError(
                 fmt::format("{}: has no session \"{}\"; its sessions are {}", csv.name(), name, list(seen_sessions)));
     if (labelled.rows.empty()) throw SetupError(csv.name() + ": has no rows");
+    if (labelled.sessions.size() > kSessionsOfFewRows && labelled.rows.size() < 2 * labelled.sessions.size())
+        throw SetupError(fmt::format("{}: {} sessions in {} rows; a session is one mounting or one recording, not one row",
+                                     csv.name(), labelled.sessions.size(), labelled.rows.size()));
     return labelled;
 }
 

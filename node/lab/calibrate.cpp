@@ -172,6 +172,11 @@ void check_outputs(const Settings& settings) {
         std::error_code ignored;
         if (fs::path(path).lexically_normal() == fs::path(other).lexically_normal() || fs::equivalent(path, other, ignored))
             throw SetupError(fmt::format("{} {}: would replace this file; name another", option, in_quotes(path)));
+        // Before the fit, which may take minutes.
+        if (fs::is_directory(path, ignored)) throw SetupError(fmt::format("{} {}: is a folder", option, in_quotes(path)));
+        if (const fs::path folder = fs::path(path).parent_path(); !folder.empty() && !fs::is_directory(folder, ignored))
+            throw SetupError(
+                fmt::format("{} {}: there is no folder {}", option, in_quotes(path), in_quotes(folder.string())));
     };
     check("--out", settings.out, settings.in);
     if (std::error_code ignored; !settings.force && fs::is_regular_file(settings.out, ignored))

@@ -1,3 +1,4 @@
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -80,6 +81,16 @@ TEST(Csv, NamesLineAndColumnOfWhatIsWrong) {
     EXPECT_NE(complaint("t_s,R1,R1\n").find("\"R1\" is there twice"), std::string::npos);
     EXPECT_NE(complaint("t_s,,R1\n").find("column 2 has no name"), std::string::npos);
     EXPECT_NE(complaint("").find("is empty"), std::string::npos);
+    EXPECT_NE(complaint("t_s,R1\n0,\"1,5\"\n").find("decimals are written with '.'"), std::string::npos);
+    EXPECT_NE(complaint("t_s,R1\n0,1.5 mV\n").find("the unit is in the column's name"), std::string::npos);
+    EXPECT_NE(
+        complaint("t_s,R1\n0,1\nt_s,R1\n").find(":3: column t_s: \"t_s\" is no number; the header is there a second time"),
+        std::string::npos);
+    EXPECT_NE(labelled_complaint("t_s,R1,fz_N\n2026-03-01T10:00,1,2\n").find("times are seconds"), std::string::npos);
+    EXPECT_NE(complaint("t_s\tR1\n0\t1\n").find("separated by tabs"), std::string::npos);
+    EXPECT_NE(complaint("# made by hand\nt_s,R1\n0,1\n").find(":1: is no header"), std::string::npos);
+    EXPECT_NE(complaint("t_s,R1\r0,1\r").find("a carriage return alone"), std::string::npos);
+    EXPECT_NE(complaint(std::string("\xFF\xFEt\0,\0\n\0", 8)).find("UTF-8"), std::string::npos);
 }
 
 TEST(Csv, SurvivesHostileBytes) {
@@ -181,6 +192,14 @@ TEST(Labelled, RefusesAMisspeltLabel) {
         EXPECT_NE(labelled_complaint("t_s,B1,fz_N," + name + "\n0,1,2,3\n").find("a label is called"), std::string::npos)
             << name;
     EXPECT_EQ(labelled_complaint("t_s,fxa,mz1,fz_N\n0,1,2,3\n"), "");
+    for (const std::string name : {"t_ms", "Time", "timestamp", "index", "force_z", "Weight_g"})
+        EXPECT_NE(labelled_complaint("t_s,B1,fz_N," + name + "\n0,1,2,3\n").find("\"" + name + "\" would be a channel, but"),
+                  std::string::npos)
+            << name;
+    EXPECT_EQ(labelled_complaint("t_s,index,fz_N\n0,1,2\n", {.sessions = {}, .channels = {"index"}}), "");
+    std::string each = "t_s,B1,fz_N,session\n";
+    for (int i = 0; i < 21; ++i) each += fmt::format("{0},{0},{0},{0}\n", i);
+    EXPECT_NE(labelled_complaint(each).find("21 sessions in 21 rows"), std::string::npos);
     EXPECT_NE(labelled_complaint("t_s,B1\n0,1\n").find("no label"), std::string::npos);
     EXPECT_NE(labelled_complaint("t_s,fz_N\n0,1\n").find("no channel"), std::string::npos);
     EXPECT_NE(labelled_complaint("t_s,B1,fz_N\n").find("has no rows"), std::string::npos);

@@ -49,5 +49,88 @@ TEST(Input, TimesBeforeZeroKeepTheirDistances) {
     EXPECT_GT(labelled.rows[0].t_ns, 0u);
 }
 
+// A recording whose loads move on from row to row.
+Labelled walk(int rows) {
+    Labelled labelled = waves(rows, 3e-3, 1, false);
+    double fx = 0, fz = 0;
+    for (auto& row : labelled.rows) {
+        fx = 0.8 * fx + 0.2 * row.wrench_S[0], fz = 0.8 * fz + 0.2 * row.wrench_S[2];
+        const double noise = row.channel[0] - row.wrench_S[0];
+        row.wrench_S[0] = fx, row.wrench_S[2] = fz;
+        row.channel = {fx + noise, fz - noise, 0.5 * fx - fz + noise};
+    }
+    return labelled;
+}
+
+TEST(Input, LabelsInAnotherUnitOrWithAnotherSignAreRefusedWithTheirSession) {
+    for (const auto& [factor, remark] : {std::pair(101.97, "1 N is the weight of 102 g"),
+                                         {-1.0, "the sign is the other one"},
+                                         {0.10197, "0.102 kg"},
+                                         {1 / 101.97, "102 g"},
+                                         {1.3, ""},
+                                         {1.0, ""}}) {
+        Labelled labelled = walk(400);
+        labelled.sessions = {"a", "b"};
+        for (std::size_t i = 200; i < 400; ++i) labelled.rows[i].session = 1, labelled.rows[i].wrench_S[2] *= factor;
+        const std::string text = refusal(labelled, by("matrix"));
+        if (*remark == 0)
+            EXPECT_EQ(text, "") << factor;
+        else
+            EXPECT_NE(text.find("fz_N of session \"b\" (from waves.csv:202 on)"), std::string::npos) << factor << text;
+        EXPECT_NE(text.find(remark), std::string::npos) << factor << text;
+    }
+}
+
+TEST(Input, LateLabelsAreNamedWithTheirDelay) {
+    const Labelled labelled = walk(400);
+    EXPECT_FALSE(warns(fit(labelled, by("matrix")), "fits the channels of"));
+    Labelled late = labelled, early = labelled;
+    for (std::size_t i = 3; i < 400; ++i) {
+        late.rows[i].wrench_S = labelled.rows[i - 3].wrench_S;
+        early.rows[i - 3].wrench_S = labelled.rows[i].wrench_S;
+    }
+    EXPECT_TRUE(warns(fit(late, by("matrix")), "fits the channels of 3 rows earlier"));
+    EXPECT_TRUE(warns(fit(early, by("matrix")), "fits the channels of 3 rows later"));
+}
+
+TEST(Input, ChannelsThatAreNoReadingsAreNamed) {
+    const Labelled labelled = walk(400);
+    for (const char* text : {"rises in every row", "saturation limit?", "all labels are exactly 0"})
+        EXPECT_FALSE(warns(fit(labelled, by("matrix")), text)) << text;
+    Labelled counts = labelled, mark = labelled, cut = labelled, empty = labelled;
+    counts.channels.emplace_back("n");
+    for (std::size_t i = 0; i < 400; ++i) counts.rows[i].channel.push_back(double(i) + 0.1 * std::sin(double(i)));
+    EXPECT_TRUE(warns(fit(counts, by("matrix")), "channel n rises in every row"));
+    mark.rows[40].channel[1] = mark.rows[90].channel[1] = -999;
+    EXPECT_NE(refusal(mark, by("matrix")).find("waves.csv:42: channel B is -999 there and in 1 other rows"),
+              std::string::npos)
+        << refusal(mark, by("matrix"));
+    mark.rows[90].channel[1] = -998;  // two values are no mark
+    EXPECT_EQ(refusal(mark, by("matrix")), "");
+    for (auto& row : cut.rows) row.channel[2] = std::min(row.channel[2], 0.3);
+    EXPECT_TRUE(warns(fit(cut, by("matrix")), "channel C is exactly 0.3, its greatest value"));
+    for (std::size_t i = 0; i < 400; ++i)
+        if (i % 3 != 0) empty.rows[i].wrench_S[0] = empty.rows[i].wrench_S[2] = 0;
+    EXPECT_TRUE(warns(fit(empty, by("matrix")), "all labels are exactly 0 in 266 rows (first: line 3)"));
+}
+
+TEST(Input, LoadsThatOnlyRiseShowNoHysteresis) {
+    Labelled up = waves(300, 3e-3, 1, false), down = up;
+    const char* const text = "every load is applied upwards from nothing";
+    EXPECT_FALSE(warns(fit(down, by("matrix")), text));
+    for (std::size_t i = 0; i < 300; ++i) {
+        const double level = double(i % 10) / 9, fx = i % 20 < 10 ? level : 0.0, fz = i % 20 < 10 ? 0.0 : -level;
+        up.rows[i].wrench_S[0] = fx, up.rows[i].wrench_S[2] = fz;
+        up.rows[i].channel = {fx + 1e-3 * std::sin(double(i)), fz, 0.5 * fx - fz + 1e-3 * std::cos(2.0 * double(i))};
+    }
+    EXPECT_TRUE(warns(fit(up, by("matrix")), text));
+}
+
+TEST(Input, FewRowsAreRefusedBeforeTheirLabelsAreJudged) {
+    Labelled two = waves(2, 3e-3, 1, false);
+    for (auto& row : two.rows) row.wrench_S[0] = 0;
+    EXPECT_EQ(refusal(two, by("matrix")), "2 rows with a label; at least 3 a coefficient are needed, 12 for 3 channels");
+}
+
 }  // namespace
 }  // namespace tactiled

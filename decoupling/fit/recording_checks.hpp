@@ -1,0 +1,15 @@
+// Checks of a labelled recording for mistakes of its maker that a fit would only show as a large error.
+#pragma once
+#include <string>
+#include <vector>
+
+#include "decoupling/fit/fit.hpp"
+
+namespace tactiled {
+
+// Warns of a channel that counts rows, of one that is cut off at its end, of labels that are 0 under load, of labels
+// that are late, and of a recording without unloading.
+// setup: throws Undetermined where a channel has a mark for missing values, or sessions have labels in other units
+void check_recording(const Labelled& labelled, const Rows& rows, std::vector<std::string>& warnings);
+
+}  // namespace tactiled
