@@ -48,10 +48,17 @@ void add_check(CLI::App& app, Run& run) {
             if (!wrong) fmt::print("{}: good: {} links, {} sensors\n", args->path, node.links.size(), node.sensors.size());
             if (node.config.grasp)
                 for (const std::string& advice : grasp_advice(*node.config.grasp)) fmt::print("warning: {}\n", advice);
+            for (const std::string& line : doctor::expected_weights(node)) fmt::print("{}\n", line);
             for (const auto& link : node.links)
                 for (const auto& binding : link->bindings) {
                     const std::string& name = node.config.sensors[binding.sensor].name;
                     fmt::print("sensor \"{}\": age proved by {}\n", name, link->driver->freshness());
+                    if (link->driver->freshness().starts_with("arrival") &&
+                        !node.config.sensors[binding.sensor].accept_unproved_age)
+                        fmt::print(
+                            "warning: sensor \"{}\": tares and weights are refused, because its age is not proved\n"
+                            "    -> accept_unproved_age = true  # or send a counter (sequence = true) or the time\n",
+                            name);
                     if (const std::string delays = doctor::undetected_delays(*link->driver); !delays.empty())
                         fmt::print("sensor \"{}\": not detected: {}\n", name, delays);
                 }
