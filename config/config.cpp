@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <filesystem>
 
 #include "config/tables.hpp"
@@ -13,8 +14,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMaxSensors = 16, kMaxLinks = 16;  // TACTILED_MAX_SENSORS and _LINKS
-constexpr std::size_t kLongestSocketPath = 107;          // limit of sockaddr_un
+constexpr std::size_t kLongestSocketPath = 107;  // limit of sockaddr_un
 
 NodeSettings read_node(Options table) {
     NodeSettings node{};
@@ -171,6 +171,8 @@ Config load_config(const std::string& path, Problems& problems) {
     pair_sensors(config.sensors);
     find_thermometers(config.sensors);
     config.grasp = read_grasp(root, config.node.name, config.sensors, folder);
+    for (std::size_t i = 0; i < config.sensors.size(); ++i)
+        config.modbus.force_scales[i] = int(std::lround(std::log10(config.sensors[i].register_N)));
     if (config.grasp) config.modbus.objects = config.grasp->objects;
     config.tool = read_tool(root, config.sensors, config.grasp);
     config.gpio = read_gpio(root);

@@ -11,6 +11,8 @@
 
 namespace tactiled {
 
+inline constexpr std::size_t kMaxSensors = 16, kMaxLinks = 16;  // TACTILED_MAX_SENSORS and _LINKS
+
 Options no_options();  // an empty table of no file
 
 struct NodeSettings {
@@ -75,6 +77,7 @@ struct SensorSettings {
     double slew_limit_per_s;                    // raw numbers per second; infinity = none
     double rate_Hz, rate_tolerance;             // 0 = not declared; rate_tolerance is relative to rate_Hz
     double drift_limit_N;                       // 0 = none
+    double register_N;                          // one count of its force registers; a power of ten
     int tare_ms;                                // length of a tare's mean
     double tare_limit_N;                        // magnitude; 0 = none, -1 = 20 % of full scale for each component
     std::string tare_after_restart;             // "restore" or "forget"
@@ -110,6 +113,12 @@ struct ModbusSettings {
     std::string settings;  // file that SAVE writes
     RtuSettings rtu;
     std::string objects;  // from [grasp], written by TEACH; "" = there is no [grasp]
+    // from the [[sensor]]s: the power of ten of register_N, by sensor; the default for those that are not there
+    std::array<int, kMaxSensors> force_scales = [] {
+        std::array<int, kMaxSensors> all;
+        all.fill(-2);
+        return all;
+    }();
 
     [[nodiscard]] bool enabled() const { return !listen.empty() || !rtu.device.empty(); }
 };

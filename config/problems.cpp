@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <tuple>
 
-#include "config/options.hpp"
+#include "config/options_node.hpp"
 
 namespace tactiled {
 namespace {
@@ -46,6 +46,10 @@ void Problems::add(const std::string& file, std::uint32_t line, const std::strin
 
 std::vector<std::string> Problems::lines() const {
     auto sorted = list_;
+    for (const Problem& back : list_)
+        if (back.column == kTakesBack)
+            std::erase_if(
+                sorted, [&](const Problem& p) { return p.line == back.line && p.file == back.file && p.text == back.text; });
     std::stable_sort(sorted.begin(), sorted.end(), [](const Problem& a, const Problem& b) {
         return std::tie(a.file, a.line, a.column) < std::tie(b.file, b.line, b.column);
     });

@@ -102,6 +102,9 @@ const Fields<SensorSettings>& sensor_fields() {
          "Deviation from rate_Hz, measured over a second, that is accepted, as a fraction of it."},
         {TACTILED_KEY(S, drift_limit_N), 0, range(0, 1e6), "N", Reload::tune,
          "A zero at rest that is farther than this from that of the calibration is reported as maintenance; 0 = no limit."},
+        {TACTILED_KEY(S, register_N), 0.01, range(1e-6, 10), "N", Reload::restart,
+         "One count of FX, FY, FZ, F_TANG, F_MAG and PEAK in the sensor's block of the register map; a power of ten, which "
+         "the register SCALE has. A small sensor needs a smaller count: 0.3 N are 30 counts of 0.01 N."},
         {TACTILED_KEY(S, tare_ms), 100, range(1, 10'000), "ms", Reload::tune,
          "Time over which a tare averages, at least 8 samples. A tare is refused while the force moves."},
         {TACTILED_KEY(S, tare_limit_N), Default(-1.0, "20 % of full scale, of each component of the force its own"),
@@ -162,6 +165,8 @@ SensorSettings read_sensor(Options table, const std::string& folder) {
     check_name("serial_channel", s.serial_channel);
     if (!s.temperature.empty() && !s.temperature_of.empty())
         table.problem("temperature_of", "temperature and temperature_of are both declared: one of them");
+    if (std::abs(std::log10(s.register_N) - std::round(std::log10(s.register_N))) > 1e-9)
+        table.problem("register_N", fmt::format("register_N = {} is no power of ten, such as 0.001", s.register_N));
     if (s.frozen_after == 1)
         table.problem("frozen_after", "frozen_after = 1 is no number of equal readings; 0 = off, else 2 or more");
     if (s.agrees_with.empty() && s.agree_N != 0)

@@ -1,4 +1,4 @@
-// toml++ 3.3 or 3.4 for unchecked bytes. Included by options.cpp only.
+// toml++ 3.3 or 3.4 for unchecked bytes. Included by options_node.hpp only.
 #pragma once
 
 #define TOML_EXCEPTIONS 1      // without them, the parser ends the program if there is no memory

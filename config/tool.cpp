@@ -11,7 +11,6 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMaxSensors = 16;
 using Vector = std::array<double, 3>;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr Vector kNone{0, 0, 0}, kUnset{kNaN, kNaN, kNaN};

@@ -69,7 +69,9 @@ CsvReader::CsvReader(const std::string& path) : name_(path == "-" ? "standard in
     if (columns_.size() == 1 && columns_[0].find('\t') != std::string::npos)
         refuse("columns are separated by tabs here; separate them by ','");
     if (columns_.size() == 1 && columns_[0].find(';') != std::string::npos)
-        refuse("columns are separated by ';' here; separate them by ',' and write decimals with '.'");
+        refuse(
+            "columns are separated by ';' here; separate them by ',' and write decimals with '.', as tr ';,' ',.' < FILE "
+            "does");
     if (columns_.size() > kMaxColumns) refuse(fmt::format("{} columns; at most {}", columns_.size(), kMaxColumns));
     for (std::size_t k = 0; k < columns_.size(); ++k) {
         if (columns_[k].empty()) refuse(fmt::format("column {} has no name", k + 1));

@@ -21,10 +21,12 @@
 namespace tactiled {
 namespace {
 
-const char* remedy(int error) {
+const char* remedy(int error, bool relative) {
     switch (error) {
-        case ENOENT: return " (is it plugged in? ls /dev/serial/by-id)";
-        case EACCES: return " (join its group, usually dialout)";
+        case ENOENT:
+            if (relative) return " (a relative path is seen from the folder of the program's start: write the full path)";
+            return " (is it plugged in? ls /dev/serial/by-id)";
+        case EACCES: return " (join its group, usually: adduser YOU dialout, and log in again)";
         case EBUSY: return " (another program has it open; who: fuser PATH)";
         case ENXIO:
         case EIO: return " (the device behind the name is disconnected)";
@@ -41,7 +43,7 @@ int open_tty(const std::string& path, const TtySettings& wanted, std::string& wh
     const int fd = ::open(path.c_str(), (wanted.answers ? O_RDWR : O_RDONLY) | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
     const auto fail = [&](const char* what) {
         const int error = errno;
-        why = fmt::format("{}: {}{}{}", path, what, std::strerror(error), remedy(error));
+        why = fmt::format("{}: {}{}{}", path, what, std::strerror(error), remedy(error, !path.starts_with('/')));
         if (fd >= 0) ::close(fd);
         return -1;
     };

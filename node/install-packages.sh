@@ -31,6 +31,10 @@ done
 [ ${#missing[@]} -eq 0 ] && exit 0
 
 if [ "$(id -u)" = 0 ]; then as_root=(); else as_root=(sudo); fi
+if [ ${#as_root[@]} -gt 0 ] && ! command -v sudo >/dev/null; then
+    echo "There is no sudo. As root: apt-get update && apt-get install --no-install-recommends ${missing[*]}" >&2
+    exit 1
+fi
 echo "Installing ${missing[*]} and what they need" >&2
 export DEBIAN_FRONTEND=noninteractive
 "${as_root[@]}" apt-get update -qq

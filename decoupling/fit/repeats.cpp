@@ -12,6 +12,14 @@ constexpr std::size_t kHeldRows = 20, kRowsNeeded = 200;
 // A run of so many readings that fills half of the time for which the load was held has no end that was seen.
 constexpr int kEndlessRun = 10;
 
+// Returns 0 if there is no interval.
+double median_s(std::vector<std::uint64_t>& intervals_ns) {
+    if (intervals_ns.empty()) return 0;
+    const auto middle = intervals_ns.begin() + std::ptrdiff_t(intervals_ns.size() / 2);
+    std::nth_element(intervals_ns.begin(), middle, intervals_ns.end());
+    return double(*middle) * 1e-9;
+}
+
 }  // namespace
 
 Repeats repeats_of(const Rows& rows) {
@@ -20,13 +28,14 @@ Repeats repeats_of(const Rows& rows) {
     const std::vector<std::size_t> load = loads_of(rows);
     Repeats repeats{.readings = std::vector<int>(n, 1), .interval_s = 0};
     std::vector<bool> endless(n);
-    std::vector<std::uint64_t> intervals_ns;
+    std::vector<std::uint64_t> intervals_ns, all_intervals_ns;
     std::size_t looked_at = 0;
     const auto follows = [&](std::size_t i) {
         return load[i] == load[i - 1] && rows[i]->session == rows[i - 1]->session && rows[i]->line == rows[i - 1]->line + 1;
     };
     for (std::size_t begin = 0, end; begin < rows.size(); begin = end) {
-        for (end = begin + 1; end < rows.size() && follows(end);) ++end;
+        for (end = begin + 1; end < rows.size() && follows(end); ++end)
+            if (rows[end]->t_ns > rows[end - 1]->t_ns) all_intervals_ns.push_back(rows[end]->t_ns - rows[end - 1]->t_ns);
         if (end - begin < kHeldRows) continue;
         looked_at += end - begin;
         for (std::size_t i = begin + 1; i < end; ++i)
@@ -40,14 +49,10 @@ Repeats repeats_of(const Rows& rows) {
             }
         }
     }
-    if (looked_at < kRowsNeeded) return {};
+    if (looked_at < kRowsNeeded) return {.readings = {}, .interval_s = median_s(all_intervals_ns)};
     for (std::size_t k = 0; k < n; ++k)
         if (endless[k]) repeats.readings[k] = 0;
-    if (!intervals_ns.empty()) {
-        const auto middle = intervals_ns.begin() + std::ptrdiff_t(intervals_ns.size() / 2);
-        std::nth_element(intervals_ns.begin(), middle, intervals_ns.end());
-        repeats.interval_s = double(*middle) * 1e-9;
-    }
+    repeats.interval_s = median_s(intervals_ns);
     return repeats;
 }
 

@@ -72,10 +72,16 @@ void add_check(CLI::App& app, Run& run) {
             if (!wrong) fmt::print("{}: good: {} links, {} sensors\n", args->path, node.links.size(), node.sensors.size());
             if (node.config.grasp)
                 for (const std::string& advice : grasp_advice(*node.config.grasp)) fmt::print("warning: {}\n", advice);
+            for (const std::string& line : doctor::expected_weights(node)) fmt::print("{}\n", line);
             for (const auto& link : node.links)
                 for (const auto& binding : link->bindings) {
                     const auto& sensor = node.config.sensors[binding.sensor];
                     fmt::print("sensor \"{}\": age proved by {}\n", sensor.name, link->driver->freshness());
+                    if (link->driver->freshness().starts_with("arrival") && !sensor.accept_unproved_age)
+                        fmt::print(
+                            "warning: sensor \"{}\": tares and weights are refused, because its age is not proved\n"
+                            "    -> accept_unproved_age = true  # or send a counter (sequence = true) or the time\n",
+                            sensor.name);
                     std::vector<std::string> missed = undetected_loads(sensor, link->driver->delay_s(binding.device));
                     if (const std::string delays = doctor::undetected_delays(*link->driver); !delays.empty())
                         missed.insert(missed.begin(), delays);

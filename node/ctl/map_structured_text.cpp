@@ -28,7 +28,7 @@ bool is_force(const Register& r) { return r.type == Type::i16 && (r.unit == "0.0
 bool is_wire_only(const Register& r) {
     return r.name == "SEQ_END" || r.name == "MAGIC0" || r.name == "MAGIC1" || r.name == "SCALE";
 }
-double scale_of(const Register& r) { return r.unit == "0.001 Nm" ? 0.001 : 0.01; }
+bool is_scaled(const Register& r) { return r.unit == "0.01 N"; }  // in the block of a sensor: in counts of SCALE
 std::string si_name(const Register& r) { return fmt::format("{}_{}", r.name, r.unit == "0.001 Nm" ? "NM" : "N"); }
 
 void field(std::string& out, std::string_view name, std::string_view type, std::string_view meaning) {
@@ -49,8 +49,8 @@ void declare(std::string& out, std::string_view type, const Area& area) {
     out += fmt::format("TYPE {} :\nSTRUCT\n", type);
     for (const Register& r : area.registers) {
         if (is_wire_only(r)) continue;
-        const std::string meaning =
-            fmt::format("{}{}{}", r.unit, r.unit.empty() || r.meaning.empty() ? "" : ", ", r.meaning);
+        const std::string_view unit = area.block == Block::sensor && is_scaled(r) ? "UNIT_N" : r.unit;
+        const std::string meaning = fmt::format("{}{}{}", unit, unit.empty() || r.meaning.empty() ? "" : ", ", r.meaning);
         if (is_force(r))
             field(out, si_name(r), "REAL", r.meaning);
         else
@@ -58,6 +58,8 @@ void declare(std::string& out, std::string_view type, const Area& area) {
         if (is_number(r)) field(out, fmt::format("HAS_{}", r.name), "BOOL", "");
     }
     if (area.block == Block::sensor) {
+        field(out, "UNIT_N", "REAL",
+              "newtons of one count, from SCALE; 0 where SCALE is unknown, and then no force is there");
         field(out, "ALIVE", "BOOL", "this block is whole, and its SEQ has changed within half a second");
         field(out, "OK", "BOOL", "ALIVE, and the value is GOOD: use the components that HAS_FX to HAS_TZ name");
         field(out, "HAS_VALUE", "BOOL", "HAS_FX, HAS_FY and HAS_FZ");
@@ -124,9 +126,13 @@ void unpack(std::string& out, const Area& area, std::string_view array, std::str
             const std::string there = r.type == Type::i32
                                           ? fmt::format("(({} <> 16#8000) OR ({} <> 16#0000))", cell(0), cell(1))
                                           : fmt::format("({} <> {})", cell(0), r.type == Type::i16 ? "16#8000" : "16#FFFF");
-            out += fmt::format("{}{} := {} AND {};\n", indent, has, alive, there);
+            const bool scaled = area.block == Block::sensor && is_scaled(r);
+            const std::string unit = fmt::format("{}.UNIT_N", target);
+            out += fmt::format("{}{} := {} AND {}{};\n", indent, has, alive, there,
+                               scaled ? fmt::format(" AND (0.0 < {})", unit) : "");
             if (is_force(r))
-                choose(has, si_name(r), fmt::format("INT_TO_REAL(WORD_TO_INT({})) * {}", cell(0), scale_of(r)), "0.0");
+                choose(has, si_name(r), fmt::format("INT_TO_REAL(WORD_TO_INT({})) * {}", cell(0), scaled ? unit : "0.001"),
+                       "0.0");
             else if (r.type == Type::i32)  // high word first
                 choose(
                     has, r.name,
@@ -141,6 +147,20 @@ void unpack(std::string& out, const Area& area, std::string_view array, std::str
                                is_flag(r) ? cell(0) : fmt::format("WORD_TO_UINT({})", cell(0)));
         }
     }
+}
+
+// The statements that find the newtons of one count of a sensor's forces.
+void find_unit(std::string& out, std::string_view scale, std::string_view unit, std::string_view indent) {
+    constexpr const char* kUnits[] = {"0.000001", "0.00001", "0.0001", "0.001",
+                                      "0.01",     "0.1",     "1.0",    "10.0"};  // SCALE -6 ..
+    const char* when = "IF";
+    int power = -6;
+    for (const char* value : kUnits) {
+        out += fmt::format("{0}{1} {2} = 16#{3:04X} THEN\n{0}    {4} := {5};\n", indent, when, scale,
+                           unsigned(power++) & 0xFFFFu, unit, value);
+        when = "ELSIF";
+    }
+    out += fmt::format("{0}ELSE\n{0}    {1} := 0.0;\n{0}END_IF;\n", indent, unit);
 }
 
 // STILL counts the calls since `cell` has changed. The first call proves nothing, because the array may contain old
@@ -224,6 +244,7 @@ std::string map_structured_text(unsigned sensors) {
         "    READ_OK := GLOBAL_OK AND READ_OK AND (NOT (SEQ_STILL[IDX] >= STILL_CALLS));\n    SENSOR[IDX].ALIVE := "
         "READ_OK;\n",
         unsigned(kSensors));
+    find_unit(out, fmt::format("SENSOR_REGS[BASE + {}]", unsigned(kScale)), "SENSOR[IDX].UNIT_N", "    ");
     unpack(out, sensor, "SENSOR_REGS", "BASE", "SENSOR[IDX]", "READ_OK", "    ");
     for (const auto& [name, x, y, z] :
          {std::array{"HAS_VALUE", "HAS_FX", "HAS_FY", "HAS_FZ"}, std::array{"HAS_TORQUE", "HAS_TX", "HAS_TY", "HAS_TZ"}})

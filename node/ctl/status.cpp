@@ -83,6 +83,8 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
                            coloured(s.quality, quality_text(s.quality, s.reasons)));
     }
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
+        out += remedy_lines(segment.sensor(i).name, snapshot.sensor[i].reasons);
+    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
         out += fmt::format("age of {}: proved by {}\n", segment.sensor(i).name, freshness_of(segment, i));
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += auto_lines(segment, i, snapshot.sensor[i]);
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += reason_line(segment, i);
@@ -127,6 +129,24 @@ double age_ms(const tactiled_sample& s, std::uint64_t now_ns) {
 
 const char* link_word(const tactiled_link& link, const Liveness& liveness) {
     return !liveness.runs() ? "not read" : link.state == TACTILED_LINK_OPEN ? "open" : "closed";
+}
+
+std::string remedy_lines(const std::string& name, std::uint32_t reasons) {
+    constexpr std::pair<std::uint32_t, const char*> kRemedies[] = {
+        {TACTILED_STALE,
+         "no frame for stale_ms: the device is silent, or slow, which needs a stale_ms of three of its periods"},
+        {TACTILED_FROZEN,
+         "a channel repeats one number: it is dead, or a coarse sensor rests, which needs frozen_after = 0 in its "
+         "[[sensor]]"},
+        {TACTILED_OUTSIDE_DOMAIN,
+         "a reading beyond the calibrated range, or a temperature that is not declared (tactilectl check has the line)"},
+        {TACTILED_ARRIVAL_ONLY,
+         "the age of its values is not proved, so it is not tared or weighed with: send a counter or the time, or write "
+         "accept_unproved_age = true"}};
+    std::string out;
+    for (const auto& [reason, remedy] : kRemedies)
+        if ((reasons & reason) != 0) out += fmt::format("{}: {}\n", name, remedy);
+    return out;
 }
 
 std::string fault_lines(const tactiled_node& node) {

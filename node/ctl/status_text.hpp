@@ -15,6 +15,8 @@ inline constexpr const char* kLinkCountNames[TACTILED_LINK_COUNTS] = {
 double age_ms(const tactiled_sample& s, std::uint64_t now_ns);
 // Returns "open", "closed", or "not read" if no daemon runs.
 const char* link_word(const tactiled_link& link, const Liveness& liveness);
+// Returns the remedies for those of the reasons that a new user meets first, one line each, after the sensor's name.
+std::string remedy_lines(const std::string& name, std::uint32_t reasons);
 // Returns the latched faults and the warnings of a node as text, one line each; "" if there are none.
 std::string fault_lines(const tactiled_node& node);
 nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot);

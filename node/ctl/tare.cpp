@@ -5,6 +5,7 @@
 
 #include "node/ctl/ask.hpp"
 #include "node/ctl/command_line.hpp"
+#include "node/ctl/status_text.hpp"
 #include "node/ctl/verb.hpp"
 
 namespace tactiled::ctl {
@@ -61,6 +62,14 @@ int tare(const Args& args) {
     else
         fmt::print(answer.exit_status == kGood ? stdout : stderr, "{} {}: {}\n", verb, args.sensor,
                    result_text(answer.result));
+    Snapshot now;
+    if (answer.exit_status != kGood && answer.result == TACTILED_COMMAND_NOT_NOW && segment.snapshot(now))
+        for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
+            const auto& s = now.sensor[i];
+            if ((mask >> i & 1u) == 0 || (s.quality == TACTILED_GOOD && s.reasons == 0)) continue;
+            fmt::print(stderr, "{} is {}\n{}", segment.sensor(i).name, quality_text(s.quality, s.reasons),
+                       remedy_lines(segment.sensor(i).name, s.reasons));
+        }
     return answer.exit_status;
 }
 

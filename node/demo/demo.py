@@ -164,6 +164,19 @@ def watch(node, gripper, task, port):
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
 
 
+def wait_for_sensors(node):
+    """The first grasp needs the zero of free jaws: a mean over 0.3 s, after every sensor has a value."""
+    until = time.monotonic() + 10
+    while time.monotonic() < until:
+        try:
+            if all(sample.quality == tactiled.GOOD for sample in node.snapshot()[1].values()):
+                break
+        except tactiled.Error:
+            pass  # the daemon is starting
+        time.sleep(0.05)
+    time.sleep(1)
+
+
 def main():
     folder, port = pathlib.Path(sys.argv[1]), int(sys.argv[2])
     picks = int(sys.argv[3]) if len(sys.argv) > 3 else 0
@@ -171,6 +184,7 @@ def main():
     gripper = Gripper(folder, 7)
     gripper.start()
     node = tactiled.open("gripper")
+    wait_for_sensors(node)
     try:
         plc = Plc(port)
     except OSError as failure:

@@ -34,6 +34,9 @@ struct Settings {
     bool json = false, force = false, own_zeros = false, one_zero = false;
 };
 
+constexpr double kStaleMs = 100;       // default of stale_ms
+constexpr double kPeriodsToStale = 3;  // one lost frame must not be an outage
+
 // A [[sensor]] that uses the calibration, to be pasted into a configuration.
 std::string sensor_text(const FitReport& report, const Settings& settings) {
     const std::filesystem::path file = std::filesystem::absolute(settings.out).lexically_normal();
@@ -41,10 +44,17 @@ std::string sensor_text(const FitReport& report, const Settings& settings) {
     if (!valid_name(name)) name = "my_sensor";
     std::vector<std::string> channels;
     for (const auto& channel : report.calibration.channels) channels.push_back(toml_text(channel));
+    const double period_ms = 1e3 * report.calibration.repeats.interval_s;  // 0: not known
+    const std::string slow = kPeriodsToStale * period_ms > kStaleMs
+                                 ? fmt::format(
+                                       "stale_ms = {:.0f}  # without a frame for longer there is no value; the rows "
+                                       "are {:.0f} ms apart\n",
+                                       std::min(10'000.0, std::ceil(kPeriodsToStale * period_ms / 100) * 100), period_ms)
+                                 : "";
     return fmt::format(
         "[[sensor]]\nname = {}\nlink = \"usb0\"  # the name of its [[link]]\nmodel = {}\ncalibration = {}\n"
-        "channels = [{}]  # of a frame, in order; \"-\" = not used\n",
-        toml_text(name), toml_text(report.calibration.model), toml_text(file.string()), fmt::join(channels, ", "));
+        "channels = [{}]  # of a frame, in order; \"-\" = not used\n{}",
+        toml_text(name), toml_text(report.calibration.model), toml_text(file.string()), fmt::join(channels, ", "), slow);
 }
 
 void print_report(const FitReport& report, const Settings& settings) {

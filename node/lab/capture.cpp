@@ -47,11 +47,11 @@ struct Source {
 
 std::unique_ptr<Source> open_source(const Args& args) {
     auto source = std::make_unique<Source>();
-    if (is_device(args.what)) {
-        const Heard heard = listen(args.what, args.baud, 1);
+    if (const std::string port = device_of(args.what); !port.empty()) {
+        const Heard heard = listen(port, args.baud, 1);
         if (!heard.guess)
-            throw SetupError(fmt::format("{}: {}; see tactilectl identify {}", args.what,
-                                         heard.bytes.empty() ? "nothing arrives" : "no known format", args.what));
+            throw SetupError(
+                fmt::format("{}: {}", port, heard.bytes.empty() ? "nothing arrives" : why_no_format(heard.bytes)));
         source->options = Options::parse_text(heard.keys(), args.what, source->problems);
     } else {
         Options root = Options::parse_file(args.config, source->problems);

@@ -189,7 +189,8 @@ std::vector<std::string> CaptureFile::missing() const {
     for (std::size_t c = 0; c < 6; ++c) {
         const std::string name = label_column(c);
         if (std::find(label_.begin(), label_.end(), c) == label_.end()) {
-            if (c < 3) lines.push_back(fmt::format("{} is not labelled: the calibration will not measure it", name));
+            if (c < 3 && label_.size() < channels_.size())
+                lines.push_back(fmt::format("{} is not labelled: the calibration will not measure it", name));
             continue;
         }
         const auto levels = distinct(levels_[c]);

@@ -62,8 +62,9 @@ std::vector<ChannelSeen> decode(const Heard& heard, std::size_t& frames) {
 
 int identify(const Args& args) {
     catch_interrupt();
-    NamedDevice named{args.what, args.baud};
-    if (!is_device(args.what)) named = device_of_link(args.config, args.what);
+    const std::string port = device_of(args.what);
+    NamedDevice named{port, args.baud};
+    if (port.empty()) named = device_of_link(args.config, args.what);
     if (args.baud != 0) named.baud = args.baud;
     const Heard heard = listen(named.device, named.baud, args.seconds);
     const std::string at = heard.network ? heard.device : fmt::format("{} at {} baud", heard.device, heard.baud);
@@ -71,10 +72,8 @@ int identify(const Args& args) {
         const std::string why =
             heard.bytes.empty() ? fmt::format("{}: nothing arrived in {:g} s{}", heard.device, args.seconds,
                                               heard.network ? "" : ": is the device powered, and does it send by itself?")
-                                : fmt::format(
-                                      "{}: {} bytes in {:.1f} s, of no known format: \"{}\"; send lines of numbers "
-                                      "(drivers/wire/ascii_line.md), or try another --baud",
-                                      at, heard.bytes.size(), heard.seconds, printable(heard.bytes, 60));
+                                : fmt::format("{}: {} bytes in {:.1f} s, {}", at, heard.bytes.size(), heard.seconds,
+                                              why_no_format(heard.bytes));
         if (args.json) fmt::print("{}\n", nlohmann::json{{"schema", 1}, {"recognised", false}, {"why", why}}.dump());
         fmt::print(stderr, "tactilectl: {}\n", why);
         return kUnhealthy;
@@ -82,7 +81,7 @@ int identify(const Args& args) {
     std::size_t frames = 0;
     const auto channels = decode(heard, frames);
     const double rate_Hz = double(heard.guess->good + heard.guess->bad) / heard.seconds;
-    const std::string name = !args.name.empty() ? args.name : is_device(args.what) ? "usb0" : args.what;
+    const std::string name = !args.name.empty() ? args.name : !port.empty() ? "usb0" : args.what;
     const std::string link = link_text(name, heard.keys());
     if (args.json) {
         nlohmann::json json{{"schema", 1},

@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <poll.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 
@@ -22,6 +24,7 @@ constexpr unsigned kRates[] = {115'200, 921'600, 9600, 57'600, 1'000'000, 460'80
 constexpr unsigned kTcpPort = 1000;
 constexpr int kConnectMs = 800;
 constexpr std::size_t kMaxBytes = 1u << 20;
+constexpr double kText = 0.95;  // share of printable bytes in a text; random bytes have 0.38
 
 std::vector<std::uint8_t> read_for(int fd, double seconds) {
     std::vector<std::uint8_t> bytes;
@@ -36,6 +39,13 @@ std::vector<std::uint8_t> read_for(int fd, double seconds) {
         bytes.insert(bytes.end(), piece.begin(), piece.begin() + n);
     }
     return bytes;
+}
+
+double text_share(const std::vector<std::uint8_t>& bytes) {
+    const auto text = std::count_if(bytes.begin(), bytes.end(), [](std::uint8_t byte) {
+        return (byte >= ' ' && byte <= '~') || byte == '\r' || byte == '\n' || byte == '\t';
+    });
+    return bytes.empty() ? 0 : double(text) / double(bytes.size());
 }
 
 std::optional<StreamGuess> guess_of(const std::vector<std::uint8_t>& bytes, double seconds) {
@@ -57,7 +67,14 @@ std::string Heard::keys() const {
                    : fmt::format("driver = \"uart\"\ndevice = {}\nbaud = {}\n{}", toml_text(device), baud, guess->keys);
 }
 
-bool is_device(const std::string& word) { return word.find_first_of("/:") != word.npos; }
+std::string device_of(const std::string& word) {
+    if (word.find_first_of("/:") != word.npos) return word;
+    for (const char* folder : {"./", "/dev/"}) {
+        struct stat file {};
+        if (const std::string path = folder + word; ::stat(path.c_str(), &file) == 0 && S_ISCHR(file.st_mode)) return path;
+    }
+    return "";
+}
 
 Heard listen(const std::string& device, unsigned baud, double seconds) {
     Heard heard{.device = device, .bytes = {}, .guess = {}};
@@ -79,14 +96,38 @@ Heard listen(const std::string& device, unsigned baud, double seconds) {
         return heard;
     }
     const bool has_a_rate = is_local_tty(device);  // a pseudo terminal accepts any rate
+    Heard best = heard;                            // at the rate at which most of the bytes are text
     for (const unsigned rate : kRates) {
         heard.baud = baud != 0 ? baud : rate;
         const int fd = open_tty(device, {.baud = heard.baud}, why);
         if (fd < 0) throw SetupError(why);
         hear(fd);
-        if (heard.guess || baud != 0 || !has_a_rate || interrupted != 0) break;
+        if (heard.guess || baud != 0 || !has_a_rate || interrupted != 0) return heard;
+        if (best.baud == 0 || text_share(heard.bytes) > text_share(best.bytes)) best = heard;
     }
-    return heard;
+    return best;
+}
+
+std::string why_no_format(const std::vector<std::uint8_t>& bytes) {
+    const std::string shown = printable(bytes, 60);
+    const bool has_digits = shown.find_first_of("0123456789") != shown.npos;
+    if (text_share(bytes) < kText || !has_digits)
+        return fmt::format(
+            "of no known format: \"{}\"; send lines of numbers (drivers/wire/ascii_line.md), or try another "
+            "--baud",
+            shown);
+    std::string numbers;  // from the second line, because the first one may have lost its beginning
+    bool in_number = false;
+    int line = 0;
+    for (const std::uint8_t byte : bytes) {
+        if (byte == '\n' && ++line == 2) break;
+        const char c = char(byte);
+        const bool part = (c >= '0' && c <= '9') || c == '.' || c == '-';
+        if (line == 1 && part) numbers += (in_number || numbers.empty() ? "" : ",") + std::string(1, c);
+        in_number = part;
+    }
+    return fmt::format("numbers with words: \"{}\"; let the device send the numbers alone{} (drivers/wire/ascii_line.md)",
+                       shown, numbers.empty() ? "" : fmt::format(", such as \"{}\"", numbers));
 }
 
 std::string link_text(const std::string& name, const std::string& keys) {
@@ -96,7 +137,11 @@ std::string link_text(const std::string& name, const std::string& keys) {
 NamedDevice device_of_link(const std::string& config, const std::string& link) {
     Problems problems;
     Options root = Options::parse_file(config, problems);
-    problems.throw_if_any();
+    if (!problems.empty())
+        throw SetupError(
+            fmt::format("{}\n{} is no port in this folder or in /dev, and its [[link]] cannot be read: give the "
+                        "path of a port, such as /dev/ttyACM0, or --config",
+                        fmt::join(problems.lines(), "\n"), in_quotes(link)));
     std::vector<std::string> names;
     for (Options& table : root.tables("link")) {
         names.push_back(table.text("name", ""));

@@ -22,8 +22,9 @@ struct Heard {
     [[nodiscard]] std::string keys() const;
 };
 
-// Returns true for a word that names a device and not a [[link]]: it contains a slash or a colon.
-bool is_device(const std::string& word);
+// Returns the path or address that a word names: one with a slash or a colon is itself, and another one may be a terminal
+// in this folder or in /dev. "" = the word is the name of a [[link]].
+std::string device_of(const std::string& word);
 
 // Receives for `seconds` at `baud`, or with 0 at each usual rate until a format recognises the bytes.
 // setup: throws SetupError where the device cannot be opened
@@ -39,6 +40,9 @@ struct NamedDevice {
     unsigned baud = 0;
 };
 NamedDevice device_of_link(const std::string& config, const std::string& link);
+
+// Returns why bytes without a known format are none, with the line to send where they are words and numbers.
+std::string why_no_format(const std::vector<std::uint8_t>& bytes);
 
 // Returns up to `max` of the bytes, control characters as '.'.
 std::string printable(const std::vector<std::uint8_t>& bytes, std::size_t max);

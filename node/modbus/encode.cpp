@@ -28,24 +28,31 @@ std::uint16_t age_ms(const tactiled_sample& s, std::uint64_t now_ns) noexcept {
 
 std::uint16_t clamped(std::uint32_t value) noexcept { return std::uint16_t(std::min<std::uint32_t>(value, kMaxU16)); }
 
+// Returns the double that is written as 1e-2 in a program, and not a product of rounded tenths.
+double unit_N(int scale) noexcept {
+    constexpr double kPowers[] = {1e-6, 1e-5, 1e-4, 1e-3, kForceUnit_N, 0.1, 1, 10};
+    return kPowers[std::clamp(scale + 6, 0, 7)];
+}
+
 // Encodes the forces of a sensor block; returns whether one of them exceeded the range of its register.
-bool encode_wrench(const tactiled_sample& s, std::span<std::uint16_t, kSensorSize> out) noexcept {
+bool encode_wrench(const tactiled_sample& s, int scale, std::span<std::uint16_t, kSensorSize> out) noexcept {
     bool beyond = false;
+    const double count_N = unit_N(scale);
     for (unsigned i = 0; i < 3; ++i) {
-        out[kFx + i] = i16_of(s.force_S_N[i], kForceUnit_N, beyond);
+        out[kFx + i] = i16_of(s.force_S_N[i], count_N, beyond);
         out[kTx + i] = i16_of(s.torque_S_Nm[i], kTorque, beyond);
     }
     const double* f = s.force_S_N;
-    out[kFTang] = u16_of(std::hypot(f[0], f[1]), kForceUnit_N, beyond);
-    out[kFMag] = u16_of(std::hypot(f[0], f[1], f[2]), kForceUnit_N, beyond);
+    out[kFTang] = u16_of(std::hypot(f[0], f[1]), count_N, beyond);
+    out[kFMag] = u16_of(std::hypot(f[0], f[1], f[2]), count_N, beyond);
     out[kCopX] = i16_of(s.cop_S_m[0], kLength_m, beyond);
     out[kCopY] = i16_of(s.cop_S_m[1], kLength_m, beyond);
     return beyond;
 }
 
-bool overloads(const tactiled_sample& s) noexcept {
+bool overloads(const tactiled_sample& s, int scale) noexcept {
     std::uint16_t unused[kSensorSize];
-    return (s.reasons & TACTILED_SATURATED) != 0 || (s.state & TACTILED_OVERLOAD) != 0 || encode_wrench(s, unused);
+    return (s.reasons & TACTILED_SATURATED) != 0 || (s.state & TACTILED_OVERLOAD) != 0 || encode_wrench(s, scale, unused);
 }
 
 // Returns bits 2 .. 6 of the node's STATUS.
@@ -185,7 +192,7 @@ void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) 
         const unsigned bit = 1u << i;
         ok |= s.quality == TACTILED_GOOD ? bit : 0u;
         stale |= (s.reasons & kSilent) != 0 ? bit : 0u;
-        overload |= overloads(s) ? bit : 0u;
+        overload |= overloads(s, view.force_scale(i)) ? bit : 0u;
         contact |= (s.state & TACTILED_CONTACT) != 0 ? bit : 0u;
     }
     std::uint32_t status = node.status & 0xFFFFu;
@@ -293,7 +300,8 @@ void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kS
     tactiled_sample s = view.snapshot.sensor[index];
     const bool exists = index < sensors_of(view);
     if (!exists) tactiled_invalidate(&s, 0);  // block of a missing sensor: sentinels, and only the fault bit of STATUS
-    const bool beyond = encode_wrench(s, out);
+    const int scale = view.force_scale(index);
+    const bool beyond = encode_wrench(s, scale, out);
     out[kSensorSeq] = out[kSensorSeqEnd] = std::uint16_t(view.snapshot.node.sequence);
     const tactiled_grasp& grasp = view.snapshot.node.grasp;
     const bool valued = exists && has_value(s);
@@ -308,9 +316,9 @@ void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kS
     out[kFrictionUse] = valued ? u16_of(double(grasp.friction_use[index]), kThousandth, unused) : kNoU16;
     out[kSensorSlipCount] = grasp.slip_count[index];
     out[kPeak] =
-        exists && (s.reasons & TACTILED_DAEMON_STOPPED) == 0 ? u16_of(double(s.peak_N), kForceUnit_N, unused) : kNoU16;
+        exists && (s.reasons & TACTILED_DAEMON_STOPPED) == 0 ? u16_of(double(s.peak_N), unit_N(scale), unused) : kNoU16;
     out[kTemp] = exists && has_value(s) ? i16_of(double(s.temperature_C), kTemperature, unused) : kNoI16;
-    out[kScale] = std::uint16_t(std::int16_t(-2));
+    out[kScale] = std::uint16_t(std::int16_t(scale));
     out[kTareCount] = std::uint16_t(s.tare_count);
     out[kRate] = exists && (s.reasons & kSilent) == 0 ? u16_of(double(s.rate_Hz), 1, unused) : kNoU16;
     out[kLost] = std::uint16_t(s.lost);

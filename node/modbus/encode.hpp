@@ -1,5 +1,6 @@
 // Converts a snapshot to registers. Pure: the registers depend only on shared memory and on the time of the request.
 #pragma once
+#include <array>
 #include <cstdint>
 #include <span>
 
@@ -21,8 +22,9 @@ bool is_grasped(const tactiled_grasp& grasp) noexcept;
 bool has_weight(const tactiled_grasp& grasp) noexcept;
 bool is_stable(const tactiled_grasp& grasp) noexcept;
 
-// Unit of a force in a sensor block, and the largest number of an i16.
+// Unit of a force outside of the sensor blocks and by default in them, and the largest number of an i16.
 inline constexpr double kForceUnit_N = 0.01;
+inline constexpr int kForceScale = -2;  // its power of ten
 inline constexpr int kMaxI16 = 32767;
 
 // Writes a float32 to two registers. A number that is not finite, as double or as float32, becomes the quiet NaN.
@@ -32,7 +34,12 @@ void put_float(double value, bool low_word_first, std::uint16_t* out) noexcept;
 struct View {
     const Segment* segment = nullptr;  // nullptr: no daemon's segment could be read
     Snapshot snapshot;
-    bool alive = false;  // the pipeline has published within watchdog_ms
+    bool alive = false;                                            // the pipeline has published within watchdog_ms
+    const std::array<int, kSensorBlocks>* force_scales = nullptr;  // powers of ten of the forces; nullptr: kForceScale
+
+    [[nodiscard]] int force_scale(unsigned sensor) const noexcept {
+        return force_scales != nullptr ? (*force_scales)[sensor] : kForceScale;
+    }
 };
 
 // Takes a snapshot now. Samples are already judged by their age; if the pipeline is not alive, all are BAD.

@@ -20,7 +20,11 @@ bool needs_view(const Request& request) {
 }  // namespace
 
 Service::Service(std::string node_name, const ModbusSettings& settings, CommandRing& commands)
-    : node_name_(std::move(node_name)), scratch_(settings.scratch), controls_(settings, commands), identity_(node_name_) {}
+    : node_name_(std::move(node_name)),
+      scratch_(settings.scratch),
+      force_scales_(settings.force_scales),
+      controls_(settings, commands),
+      identity_(node_name_) {}
 
 std::size_t Service::answer(std::span<const std::uint8_t> bytes, Session& session, Responder& responder) {
     counts_.requests.fetch_add(1, std::memory_order_relaxed);
@@ -61,7 +65,9 @@ View Service::look() {
             if (Segment fresh = Segment::try_open(node_name_, why); fresh.is_open()) segment_ = std::move(fresh);
         }
     }
-    return segment_.is_open() ? view_of(segment_) : view_of_nothing();
+    View view = segment_.is_open() ? view_of(segment_) : view_of_nothing();
+    view.force_scales = &force_scales_;
+    return view;
 }
 
 void Service::fill_global(const View& view, const Session& session, std::uint64_t now_ns,

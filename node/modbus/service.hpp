@@ -39,6 +39,7 @@ private:
 
     std::string node_name_;
     bool scratch_;
+    std::array<int, kSensorBlocks> force_scales_;
     Controls controls_;
     Identity identity_;
     Tables tables_;

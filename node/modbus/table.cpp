@@ -113,7 +113,9 @@ constexpr Register kSensor[] = {
     {kSensorSlipCount, "SLIP_COUNT", Type::count, "", "gross slips of this sensor"},
     {kPeak, "PEAK", Type::u16, "0.01 N", "largest magnitude of the components seen, since the start or the last reset"},
     {kTemp, "TEMP", Type::i16, "0.1 degC", "0x8000: the sensor has none"},
-    {kScale, "SCALE", Type::i16, "", "power of ten of the forces: -2"},
+    {kScale, "SCALE", Type::i16, "",
+     "power of ten of one count of FX, FY, FZ, F_TANG, F_MAG and PEAK, in N: -2 unless register_N of the sensor sets "
+     "another"},
     {kTareCount, "TARE_COUNT", Type::count, "", "finished tares; 0 = none in force"},
     {kRate, "RATE", Type::u16, "Hz", "measured over a second"},
     {kLost, "LOST", Type::count, "", "frames known to be lost"},

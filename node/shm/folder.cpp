@@ -22,10 +22,10 @@ std::string choose() {
     if (const char* given = tactiled_variable(TACTILED_FOLDER_VARIABLE)) return given;
     if (::geteuid() == 0 || ::access(TACTILED_SERVICE_FOLDER, W_OK | X_OK) == 0) return TACTILED_SERVICE_FOLDER;
     if (const char* users = tactiled_variable("XDG_RUNTIME_DIR")) return fmt::format("{}/tactiled", users);
-    throw SetupError(
-        fmt::format("there is no run-time folder: {} cannot be written and XDG_RUNTIME_DIR is not set; give one "
-                    "that only you and root can write to with --runtime-dir",
-                    TACTILED_SERVICE_FOLDER));
+    throw SetupError(fmt::format(
+        "there is no run-time folder: {} cannot be written and XDG_RUNTIME_DIR is not set; give one that only you "
+        "and root can write to, with --runtime-dir or, for readers as well, export {}=$HOME/.tactiled",
+        TACTILED_SERVICE_FOLDER, TACTILED_FOLDER_VARIABLE));
 }
 
 }  // namespace

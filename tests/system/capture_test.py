@@ -125,6 +125,23 @@ class Identify(Case):
         self.assertIn('format = "cobs"', answer["link"])
         self.assertEqual(answer["channels"], 8)
 
+    def test_numbers_with_words_are_told_the_line_to_send(self):
+        for line, numbers in (("weight: 123.4", "123.4"), ("A:-12 B:7 C:300", "-12,7,300")):
+            done = ctl("identify", self.device(line=lambda n, t, line=line: line).path)
+            self.assertEqual(done.returncode, 1)
+            self.assertIn("numbers with words", done.stderr)
+            self.assertIn(f'let the device send the numbers alone, such as "{numbers}"', done.stderr)
+
+    def test_a_port_needs_no_folder_in_its_name(self):
+        port = self.device(line=lambda n, t: f"{n % 7} 5").path
+        (self.folder / "ttyX").symlink_to(port)
+        done = ctl("identify", "ttyX", cwd=self.folder)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn('device = "./ttyX"', done.stdout)
+        done = ctl("identify", "ttyY", cwd=self.folder)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn('"ttyY" is no port in this folder or in /dev', done.stderr)
+
     def test_silence_noise_and_a_missing_port_are_errors_that_say_so(self):
         silent = Device(rate=0.01, line=lambda n, t: "")
         self.addCleanup(silent.close)

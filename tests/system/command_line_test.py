@@ -5,6 +5,7 @@ import os
 import pathlib
 import pty
 import re
+import select
 import shutil
 import signal
 import socket
@@ -128,6 +129,27 @@ COMP_WORDS=($words); COMP_CWORD=$(( ${{#COMP_WORDS[@]}} - 1 )); _tactilectl; ech
         done = subprocess.run(["bash", "-c", script], capture_output=True, text=True)
         self.assertEqual(done.stdout.split("\n")[:4], ["calibrate", "--follow", "known", "identify"], done.stderr)
 
+    @unittest.skipUnless(shutil.which("zsh"), "there is no zsh")
+    def test_completion_of_zsh(self):
+        pid, terminal = pty.fork()
+        if pid == 0:
+            os.environ.update(PATH=f"{BIN}:{os.environ['PATH']}", TERM="dumb", ZDOTDIR="/nowhere")
+            os.execvp("zsh", ["zsh", "-f", "-i"])
+        self.addCleanup(os.waitpid, pid, 0)
+        self.addCleanup(os.close, terminal)  # zsh ends with it
+
+        def seen(typed, expected):
+            os.write(terminal, typed.encode())
+            text, until = "", time.monotonic() + 20
+            while expected not in text:
+                self.assertLess(time.monotonic(), until, text)
+                if select.select([terminal], [], [], 0.1)[0]:
+                    text += os.read(terminal, 65536).decode()
+        seen("source <(tactilectl completion zsh); echo is-$((1 + 1))-there\n", "is-2-there")
+        for word, whole in (("tactilectl cal", "calibrate "), ("tactilectl read --fo", "--follow "), ("tactilectl weigh kn", "known ")):
+            seen(word + "\t", whole)
+            os.write(terminal, b"\x15")  # deletes the line
+
     def test_an_occupied_port_is_not_announced_as_served(self):
         with socket.socket() as taken, unit_daemon(rate=None) as d:
             taken.bind(("127.0.0.1", d.port))
@@ -152,6 +174,27 @@ class Faults(unittest.TestCase):
             self.assertIn("FAULT  sensor lost", d.ctl("status").stdout)
             self.assertIn("sensor lost", d.ctl("top", "--count", "1").stdout)
 
+
+    def test_a_coarse_sensor_at_rest_is_told_what_to_write(self):
+        with unit_daemon(config=CONFIG.replace("frozen_after = 0", "frozen_after = 20")) as d:
+            d.start()
+            wait_for(lambda: ":frozen" in d.ctl("status").stdout, 5, "the frozen channels")
+            self.assertIn("left: a channel repeats one number", d.ctl("status").stdout)
+            self.assertIn("needs frozen_after = 0", d.ctl("status").stdout)
+
+    def test_a_tare_that_is_refused_for_the_age_names_the_line_to_write(self):
+        config = CONFIG.replace('path = "direct"\n', "").replace("sequence = true\n", "")
+        with unit_daemon(config=config, rate=None) as d:
+            d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "dev", "--format", "lines", "--rate", 200, "--loop")
+            self.assertIn("-> accept_unproved_age = true", ctl("check", d.config).stdout)
+            d.start()
+            wait_for(quality_is(d, "good"), 5, "a good sample")
+            done = d.ctl("tare", "left")
+            self.assertEqual(done.returncode, 1)
+            self.assertIn("left is good:arrival-only", done.stderr)
+            self.assertIn("accept_unproved_age = true", done.stderr)
+            d.config.write_text(d.config.read_text().replace("stale_ms", "accept_unproved_age = true\nstale_ms"))
+            self.assertNotIn("accept_unproved_age", ctl("check", d.config).stdout)
 
     def test_a_missing_control_socket_is_named_by_status_and_doctor(self):
         with unit_daemon() as d:
@@ -302,6 +345,73 @@ class Check(unittest.TestCase):
         self.assertNotIn("change of the load", self.check(CONFIG).stdout)
         slow = self.check(CONFIG.replace("stale_ms", "delay_ms = 250\nstale_ms")).stdout
         self.assertIn("a change of the load within the 500 ms over which the channels are measured, longer than stale_ms = ", slow)
+
+    def test_a_misspelt_key_is_one_error(self):
+        for key, wrong in (("model", "modle"), ("device", "devcie"), ("[[sensor]]", "[[sensr]]"), ("driver", "drivr"), ("channels", "chanels")):
+            done = self.check(CONFIG.replace(key, wrong, 1))
+            self.assertEqual(done.returncode, 1)
+            lines = done.stderr.strip().splitlines()
+            self.assertEqual(len(lines), 1, done.stderr)
+            self.assertIn("did you mean", lines[0])
+
+    def test_a_configuration_with_tabs_and_one_from_another_folder(self):
+        tabs = re.sub(r" *= *", "\t=\t", CONFIG.replace("{folder}/unit.toml", "unit.toml")).replace("\nname", "\n\tname").replace("\n", "\r\n")
+        self.assertEqual(self.check(tabs).returncode, 0, self.check(tabs).stderr)
+        self.assertEqual(ctl("check", self.folder / "my.toml", cwd="/").returncode, 0)
+
+    def test_a_small_sensor_is_told_the_count_of_its_registers(self):
+        small = self.check(CONFIG, CALIBRATION.replace("100.0, 100.0, 100.0", "0.2, 0.2, 0.2"))
+        self.assertIn("its full scale of 0.346 N is 35 counts of 0.01 N in the registers", small.stdout)
+        self.assertIn("-> register_N = 0.0001", small.stdout)
+        cured = self.check(CONFIG.replace("stale_ms", "register_N = 0.0001\nstale_ms"), CALIBRATION.replace("100.0, 100.0, 100.0", "0.2, 0.2, 0.2"))
+        self.assertNotIn("registers", cured.stdout)
+        large = self.check(CONFIG, CALIBRATION.replace("100.0, 100.0, 100.0", "900.0, 900.0, 900.0"))
+        self.assertIn("beyond the registers, which end at 327.67 N", large.stdout)
+        self.assertIn("register_N = 0.002 is no power of ten", self.check(CONFIG.replace("stale_ms", "register_N = 0.002\nstale_ms")).stderr)
+
+    def test_a_hair_without_a_temperature_range_and_a_coarse_sensor_are_told_the_line(self):
+        shutil.copy(ROOT / "config/calibration/hair_documents.toml", self.folder / "hair.toml")
+        hair = CONFIG.replace("channels = 3", "channels = 4").replace('model = "generic"', 'model = "hair"').replace("unit.toml", "hair.toml")
+        hair = hair.replace("frozen_after = 0\n", "")
+        done = self.check(hair)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("every value is UNCERTAIN:outside-domain\n    -> temperature_range_C = [20, 24]", done.stdout)
+        self.assertIn("counts as dead: a coarse sensor at rest does so, too\n    -> frozen_after = 0", done.stdout)
+        cured = self.check(hair.replace("stale_ms", "temperature_range_C = [22, 22]\nfrozen_after = 0\nstale_ms"))
+        self.assertNotIn("UNCERTAIN", cured.stdout)
+        self.assertNotIn("counts as dead", cured.stdout)
+        found = json.loads(ctl("doctor", "--json", "--config", self.folder / "my.toml").stdout)["findings"]
+        self.assertNotIn("temperature", {f["check"] for f in found})
+        self.check(hair)
+        found = json.loads(ctl("doctor", "--json", "--config", self.folder / "my.toml").stdout)["findings"]
+        self.assertTrue(any(f["check"] == "temperature" and f["remedy"].startswith("temperature_range_C = ") for f in found))
+
+    def test_a_slow_sensor_is_told_its_stale_ms(self):
+        rows = [f"{i / 10},{84000 - 2100 * load + i * 37 % 11},{load}" for i, load in enumerate(load for load in (0, -1, -2, -3, -5, -7, -10) for _ in range(20))]
+        (self.folder / "cell.csv").write_text("t_s,c1,fz_N\n" + "\n".join(rows) + "\n")
+        done = ctl("calibrate", "--model", "generic", "--in", "cell.csv", "--out", "cell.toml", cwd=self.folder)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIn("stale_ms = 300  #", done.stdout)
+        sensor = done.stdout[done.stdout.index("[[sensor]]"):]
+        link = CONFIG[:CONFIG.index("[[sensor]]")].replace("channels = 3", "channels = 1")
+        self.assertNotIn("an outage", self.check(link + sensor).stdout)
+        quick = self.check(CONFIG.replace("stale_ms", "rate_Hz = 10\nstale_ms")).stdout
+        self.assertIn("its frames are 100 ms apart, and without one for stale_ms = 100 there is no value", quick)
+        self.assertIn("-> stale_ms = 300", quick)
+
+    def test_the_expected_standard_deviation_of_a_weight_is_printed(self):
+        two = CONFIG + CONFIG.replace('"usb0"', '"usb1"').replace("/dev\"", "/dev1\"").replace('"left"', '"right"')
+        jaw = '[[grasp.jaw]]\nsensor = "{}"\nx_S_in_G = [0, 0, -1]\nz_S_in_G = [{}, 0, 0]\n'
+        grasp = two + "\n[grasp]\ngravity_G_m_s2 = [0, 0, 9.81]\n" + jaw.format("left", 1) + jaw.format("right", -1)
+        done = self.check(grasp)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        lines = re.findall(r"weight: (\S+) kg, held with (\S+) N a jaw: expected sd (\S+) kg \(\S+ %\); after `weigh known (\S+)` (\S+) kg", done.stdout)
+        self.assertEqual([row[0] for row in lines], ["3", "0.6"])  # half of 2 x 100 N x 0.5 / 1.5 / g = 6.8 kg, rounded down
+        for mass_kg, _, sd_kg, _, known_kg in lines:
+            self.assertLess(float(sd_kg), 0.05 * float(mass_kg))
+            self.assertLessEqual(float(known_kg), 1.1 * float(sd_kg))
+        worse = self.check(grasp, CALIBRATION.replace("sd = [0.01, 0.01, 0.01]", "sd = [30.0, 30.0, 30.0]"))
+        self.assertIn("expected sd no stable weight", worse.stdout)
 
     def test_doctor_says_the_same(self):
         self.check(CONFIG)

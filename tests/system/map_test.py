@@ -12,6 +12,7 @@ import unittest
 from pymodbus.client import ModbusTcpClient
 
 from daemon import BIN, ROOT, Daemon, wait_for
+from unit_daemon import CONFIG as UNIT, quality_is, unit_daemon
 
 sys.path.insert(0, str(ROOT / "tests"))
 from st.interpreter import Program  # noqa: E402
@@ -187,6 +188,40 @@ class StructuredText(unittest.TestCase):
             self.assertAlmostEqual(block.value(f"SENSOR[0].{name}"), value, places=5)
         for name in ("FX", "FY", "FZ", "TX", "TY", "TZ", "F_TANG", "F_MAG", "COP_X", "COP_Y", "COP", "VALUE", "TORQUE"):
             self.assertTrue(block.value(f"SENSOR[0].HAS_{name}"), name)
+
+    def test_forces_are_in_counts_of_scale(self):
+        block, node, cells = self.live_block()
+        for power, fz_N in ((-2, -34), (-4, -0.34), (-6, -0.0034), (0, -3400), (1, -34000)):
+            cells[4:7] = [1, 2, -3400 & 0xFFFF]
+            cells[10:12] = [3, 3400]
+            cells[19] = power & 0xFFFF
+            self.advance(node, cells)
+            self.call(block, node, cells)
+            self.assertAlmostEqual(block.value("SENSOR[0].FZ_N") / fz_N, 1, places=5)
+            self.assertAlmostEqual(block.value("SENSOR[0].UNIT_N") / 10 ** power, 1, places=5)
+            self.assertEqual([block.value(f"SENSOR[0].{n}") for n in ("HAS_FX", "HAS_FZ", "HAS_F_MAG", "F_MAG")], [True, True, True, 3400])
+        cells[19] = 5  # a count that this code does not know
+        self.advance(node, cells)
+        self.call(block, node, cells)
+        self.assertEqual([block.value(f"SENSOR[0].{n}") for n in ("FZ_N", "HAS_FZ", "HAS_VALUE", "HAS_F_MAG", "F_MAG")], [0, False, False, False, 0])
+
+    def test_a_small_sensor_has_its_own_count(self):
+        config = UNIT.replace("stale_ms", "register_N = 0.0001\nstale_ms")
+        with unit_daemon(rows="0,0.01,0.02,-0.34\n0.01,0.01,0.02,-0.34\n", config=config) as small:
+            small.start()
+            wait_for(quality_is(small, "good"), 5, "a good sample")
+            client = ModbusTcpClient("127.0.0.1", port=small.port)
+            self.addCleanup(client.close)
+            client.connect()
+            block = Program(printed("--format", "st", "--sensors", "1")).instance("FB_TACTILED")
+            for _ in range(30):
+                time.sleep(0.02)
+                node, cells = (client.read_input_registers(at, count=n).registers for at, n in ((0, 32), (100, 25)))
+                block.call(GLOBAL_REGS=node, SENSOR_REGS=cells, CALLS_PER_SECOND=40)
+            self.assertEqual(struct.unpack(">h", struct.pack(">H", cells[19]))[0], -4)
+            self.assertTrue(block.value("SENSOR[0].OK"))
+            for name, force_N in (("FX_N", 0.01), ("FY_N", 0.02), ("FZ_N", -0.34)):
+                self.assertAlmostEqual(block.value(f"SENSOR[0].{name}"), force_N, places=6)
 
     def test_a_weight_has_a_flag_and_none_without_a_fresh_read(self):
         block, node, cells = self.live_block()

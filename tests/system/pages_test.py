@@ -107,6 +107,28 @@ class Pages(unittest.TestCase):
         marked = [c for page in pages() for c in commands(page, (ROOT / page).read_text()) if HARDWARE in c.text]
         self.assertLessEqual(len(marked), MAX_HARDWARE)
 
+    def test_the_packaging_recipe_installs_what_it_needs(self):
+        """The recipe itself needs root, the network and minutes; it failed for want of `file`, and of GTest."""
+        first, second = [line.strip() for line in (ROOT / "systemd/README.md").read_text().splitlines() if line.startswith("    ")][:2]
+        self.assertEqual(first, "./node/install-packages.sh build packaging")
+        self.assertIn("-DTACTILED_TESTS=OFF", second)
+        self.assertIn("--target deb", second)
+        lists = dict(re.findall(r"^(\w+)=\(([^)]*)\)", (ROOT / "node/install-packages.sh").read_text(), re.M))
+        self.assertLessEqual({"file", "dpkg-dev", "help2man"}, set(lists["packaging"].split()))
+
+    @unittest.skipIf(os.geteuid() != 0, "only root can act as a user without sudo")
+    def test_a_user_without_sudo_is_told_what_to_type(self):
+        tools = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-tools-", dir="/run"))
+        self.addCleanup(shutil.rmtree, tools)
+        tools.chmod(0o755)
+        for tool in ("bash", "env", "grep", "id"):
+            (tools / tool).symlink_to(shutil.which(tool))
+        (tools / "script").write_text((ROOT / "node/install-packages.sh").read_text())  # dpkg-query is missing: so is each package
+        done = subprocess.run([shutil.which("setpriv"), f"--reuid={USER}", f"--regid={USER}", "--clear-groups", tools / "bash", tools / "script", "packaging"],
+                              env={"PATH": str(tools)}, capture_output=True, text=True)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("As root: apt-get update && apt-get install --no-install-recommends help2man dpkg-dev file", done.stderr)
+
     def test_links_of_the_guide_lead_somewhere(self):
         for page in [ROOT / "README.md", *sorted((ROOT / "node/guide").glob("*.md"))]:
             for target in LINK.findall(page.read_text()):

@@ -73,6 +73,9 @@ void look_at_port(const Machine& machine, const ModbusSettings& settings, bool d
 void look_at_safety(const Node& node, Findings& found);
 // Reports whether the calibration is compared with the sensor that is mounted.
 void look_at_identity(const Node& node, Findings& found);
+// Returns the expected standard deviation of weights, a line a mass, without what temperature and motion add; none without
+// [grasp].
+std::vector<std::string> expected_weights(const Node& node);
 // Reports links on which a delay would not be detected, so that old forces would seem new.
 void look_at_freshness(const Node& node, Findings& found);
 

@@ -6,13 +6,21 @@
 #include <cmath>
 
 #include "config/calibration.hpp"
+#include "decoupling/decoupler.hpp"
 #include "decoupling/grasp/grasp.hpp"
 #include "decoupling/temperature.hpp"
 #include "node/ctl/doctor/doctor.hpp"
+#include "node/modbus/encode.hpp"
 #include "node/setup.hpp"
 
 namespace tactiled::ctl::doctor {
 namespace {
+
+// Below it a count of a register is more than a percent of full scale.
+constexpr double kMinCounts = 100;
+
+// Returns the power of ten of which full scale is 1,500 to 15,000 counts: twice as much still fits into a register.
+double count_for(double full_N) { return std::clamp(std::pow(10, std::ceil(std::log10(full_N / 15'000))), 1e-6, 10.0); }
 
 // Returns the magnitude of the largest calibrated force; NaN if no component has a full scale.
 double full_scale_N(const tactiled_sensor& sensor) {
@@ -68,6 +76,15 @@ std::string channels_that_may_freeze(const SensorSettings& s, bool noisy) {
     return unknown.empty() ? "" : fmt::format("channel {}, still in the calibration, that", fmt::join(unknown, " "));
 }
 
+// Returns true if the estimate without a load is UNCERTAIN although no temperature is declared or measured.
+bool is_uncertain_at_rest(const SensorSettings& s, const Calibration& calibration) {
+    DecouplerFault fault;
+    const auto decoupler = make_decoupler(calibration, s.method == "auto" ? "" : s.method, 0, fault);
+    if (decoupler == nullptr || calibration.zero.size() != calibration.channels.size()) return false;
+    decoupler->set_temperature({s.temperature_range_C[0], s.temperature_range_C[1], s.temperature_difference_K});
+    return decoupler->decouple({.channel = calibration.zero}).quality == TACTILED_UNCERTAIN;
+}
+
 // Reports what the temperature of a model can do that the calibration does not know, and a thermometer that may stand still.
 void look_at_temperature(const SensorSettings& s, const tactiled_sensor& entry, Findings& found) {
     Problems ignored;
@@ -77,12 +94,14 @@ void look_at_temperature(const SensorSettings& s, const tactiled_sensor& entry, 
         found.push_back({"temperature", Verdict::advice, fmt::format("sensor \"{}\": {}", s.name, says), remedy});
     };
     if (temperature_effect(calibration) != nullptr && !is_declared)
-        advise(
-            fmt::format("model \"{}\" follows temperature, and the calibration does not know by how much: the standard "
-                        "deviation contains {:g} K",
-                        entry.model, kRoom_K),
-            "calibrate with temperature_C over at least 2 K, or declare temperature_range_C = [lowest, highest], equal if "
-            "the electronics compensate it");
+        advise(fmt::format("model \"{}\" follows temperature, and the calibration does not know by how much: the standard "
+                           "deviation contains {:g} K{}",
+                           entry.model, kRoom_K,
+                           is_uncertain_at_rest(s, calibration)
+                               ? ", which is so much that every value is UNCERTAIN:outside-domain"
+                               : ""),
+               "temperature_range_C = [20, 24]  # lowest and highest in use, equal if the electronics compensate it; or "
+               "calibrate with temperature_C over at least 2 K");
     if (!calibration.temperature.zero_per_K.empty() && s.temperature.empty() && s.temperature_of.empty())
         advise("the calibration takes temperature off, but the sensor has none",
                "temperature = the name in `channels`, or temperature_of = another sensor");
@@ -101,6 +120,16 @@ void look_at_sensor(const Node& node, std::size_t i, Findings& found) {
     if (s.rate_Hz <= 0)
         advise("rate", "no rate is declared: a device that sends too rarely is not detected",
                "rate_Hz = 100  # as the device is set; tactilectl status shows the rate of a good one");
+    Problems none;
+    const Calibration calibration = load_calibration(s.calibration, none);
+    const double period_ms = s.rate_Hz > 0 ? 1e3 / s.rate_Hz : 1e3 * calibration.repeats.interval_s;  // 0: not known
+    if (2 * period_ms > s.stale_ms)
+        advise(
+            "stale",
+            fmt::format("its frames are {:.0f} ms apart, and without one for stale_ms = {} there is no value: a late frame "
+                        "is an outage",
+                        period_ms, s.stale_ms),
+            fmt::format("stale_ms = {:.0f}", std::min(10'000.0, std::ceil(3 * period_ms / 100) * 100)));
     const auto link = std::find_if(node.links.begin(), node.links.end(), [&](const auto& l) { return l->name == s.link; });
     const bool noisy =
         link != node.links.end() && (*link)->driver != nullptr && (*link)->driver->is_noisy(std::uint16_t(s.device));
@@ -108,7 +137,23 @@ void look_at_sensor(const Node& node, std::size_t i, Findings& found) {
     if (const std::string which = channels_that_may_freeze(s, noisy); !which.empty())
         advise("frozen", which + " repeats one number for ever counts as good",
                "frozen_after = 100  # many times the repeats of a recording at rest");
+    else if (s.frozen_after < 0 && !noisy && calibration.repeats.readings.empty())
+        advise("frozen", "a channel that repeats one number for 10 s counts as dead: a coarse sensor at rest does so, too",
+               "frozen_after = 0  # for a coarse sensor; or frozen_after = 1000, many times the repeats of one at rest");
     const double full_N = full_scale_N(entry);
+    if (node.config.modbus.enabled() && full_N / s.register_N < kMinCounts)
+        advise(
+            "registers",
+            fmt::format("its full scale of {:.3g} N is {:.0f} counts of {:g} N in the registers", full_N,
+                        full_N / s.register_N, s.register_N),
+            fmt::format("register_N = {:g}  # {:.0f} counts; the PLC reads the size of a count from SCALE, or reads floats",
+                        count_for(full_N), full_N / count_for(full_N)));
+    if (node.config.modbus.enabled() && full_N / s.register_N > modbus::kMaxI16)
+        advise("registers",
+               fmt::format("its full scale of {:.3g} N is beyond the registers, which end at {:g} N", full_N,
+                           modbus::kMaxI16 * s.register_N),
+               fmt::format("register_N = {:g}  # the PLC reads the size of a count from SCALE, or reads floats",
+                           count_for(full_N)));
     if (s.tare_limit_N == 0 || (s.tare_limit_N < 0 && std::isnan(full_N)))
         advise("tare_limit", "a tare under any load is accepted",
                s.tare_limit_N == 0 ? "leave out tare_limit_N: 20 % of full scale; or a value in N" : "tare_limit_N = 0.5");

@@ -58,6 +58,8 @@ TEST(Config, PairsTwoSensorsOfWhichOneNamesTheOther) {
               Lines{at_b + "= \"cc\" is no [[sensor]]; did you mean \"c\"?"});
     EXPECT_EQ(errors(three("agree_N = 1\n", "", names_a)),
               Lines{"t.toml:9: sensor \"a\": agree_N stands beside agrees_with, on one of the two sensors"});
+    EXPECT_EQ(errors(three("register_N = 0.002\n", "", "")),
+              Lines{"t.toml:9: sensor \"a\": register_N = 0.002 is no power of ten, such as 0.001"});
     const Lines twice = errors(three("", names_a, names_a));
     ASSERT_EQ(twice.size(), 1u);
     EXPECT_NE(twice[0].find("sensor \"c\": agrees_with = \"a\" "), std::string::npos) << twice[0];

@@ -73,7 +73,7 @@ TEST(Keys, AreUniqueAndExplained) {
             EXPECT_NE(key.name.find("_" + std::string(key.unit == "Hz" ? "hz" : key.unit)), std::string::npos) << key.name;
         }
     });
-    EXPECT_EQ(seen.size(), 103u);
+    EXPECT_EQ(seen.size(), 104u);
 }
 
 TEST(Keys, AValueOfAnotherTypeIsAnErrorOfThatKey) {
@@ -157,7 +157,7 @@ TEST(Keys, AReloadChangesWhatIsTunedAndCalibrated) {
                                          "accept_unproved_age",
                                          "temperature_frozen_after",
                                          "temperature_jump_K"};
-    const std::set<std::string> fixed = {"name", "link", "device", "model", "stale_ms"};
+    const std::set<std::string> fixed = {"name", "link", "device", "model", "stale_ms", "register_N"};
     for_each_key([&](const KeyTable& table, const ConfigKey& key) {
         const Reload expected = table.name() == "sensor"         ? fixed.count(key.name) != 0   ? Reload::restart
                                                                    : tuned.count(key.name) != 0 ? Reload::tune

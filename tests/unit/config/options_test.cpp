@@ -170,6 +170,33 @@ TEST(Options, NameTheNearestOfAnUnknownKey) {
                                          "t.toml:6: unknown table [[grasp]]; known: link"}));
 }
 
+TEST(Options, ReportAMisspeltKeyOnceAndNotAlsoAsMissing) {
+    Parsed p("[[link]]\nname = 'skin'\ndevcie = '/dev/x'\ndevice_baud = 1\n[[sensr]]\nx = 1\n");
+    auto link = p.options.tables("link").at(0);
+    link.text("name");
+    link.text("device");
+    link.text("driver");  // is missing, and no key resembles it
+    EXPECT_TRUE(p.options.tables("sensor").empty());
+    p.options.problem("sensor", "there is no [[sensor]]");
+    p.options.finish();
+    EXPECT_EQ(p.problems.lines(), (Lines{"t.toml:1: link \"skin\": key \"driver\" is missing",
+                                         "t.toml:3: link \"skin\": unknown key \"devcie\"; did you mean \"device\"?",
+                                         "t.toml:4: link \"skin\": unknown key \"device_baud\"; did you mean \"device\"?",
+                                         "t.toml:5: unknown table [[sensr]]; did you mean \"sensor\"?"}));
+    // The keys of an unknown driver are not judged, but the misspelt one is.
+    Parsed r("[[link]]\ndrivr = 'uart'\nbaud = 9600\n");
+    auto unknown = r.options.tables("link").at(0);
+    unknown.text("driver");
+    unknown.accept_other_keys();
+    r.options.finish();
+    EXPECT_EQ(r.problems.lines(), Lines{"t.toml:2: [[link]]: unknown key \"drivr\"; did you mean \"driver\"?"});
+    // A near name that is not there is meant rather than one that is.
+    Parsed q("fx_N = 1\nfz_N = 2\nfz_n = 3\n");
+    for (const char* key : {"fx_N", "fy_N", "fz_N"}) q.options.number(key, {0, 9});
+    q.options.finish();
+    EXPECT_EQ(q.problems.lines(), Lines{"t.toml:3: unknown key \"fz_n\"; did you mean \"fy_N\"?"});
+}
+
 TEST(Options, ShareBetweenCopiesWhichKeysWereAsked) {
     Parsed p("[node]\nname = 'x'\nb = 1\n");
     Options copy = p.options.table("node");

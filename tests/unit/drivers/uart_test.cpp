@@ -267,6 +267,8 @@ TEST_F(UartTest, SaysWhatIsWrongWithAPort) {
     std::string why;
     EXPECT_EQ(open_tty("/nonexistent/tty", TtySettings{.baud = 9600}, why), -1);
     EXPECT_NE(why.find("is it plugged in?"), std::string::npos) << why;
+    EXPECT_EQ(open_tty("nonexistent/tty", TtySettings{.baud = 9600}, why), -1);
+    EXPECT_NE(why.find("write the full path"), std::string::npos) << why;
     EXPECT_EQ(open_tty("/dev/null", TtySettings{.baud = 9600}, why), -1);
     EXPECT_NE(why.find("no serial port"), std::string::npos) << why;
 }

@@ -205,6 +205,43 @@ TEST_F(LiveRegisters, ForcesBeyondTheRegisterAreSaid) {
     EXPECT_NE(global()[kStatus] & 1u << 7, 0u);
 }
 
+TEST_F(LiveRegisters, ASmallSensorHasSmallerCountsAndItsScaleSaysSo) {
+    auto s = good();
+    const double force[] = {0.0321, -0.04, -0.34};
+    std::copy_n(force, 3, s.force_S_N);
+    s.peak_N = 0.341f;
+    publish(s);
+    EXPECT_EQ(std::int16_t(sensor()[kFz]), -34);  // 0.01 N, unless configured
+    EXPECT_EQ(std::int16_t(sensor()[kScale]), -2);
+    std::array<int, kSensorBlocks> scales;
+    scales.fill(-2);
+    scales[0] = -4;
+    View view = view_of(segment_);
+    view.force_scales = &scales;
+    std::array<std::uint16_t, kSensorSize> out{};
+    encode_sensor(view, 0, out);
+    EXPECT_EQ(std::int16_t(out[kScale]), -4);
+    EXPECT_EQ(std::int16_t(out[kFx]), 321);
+    EXPECT_EQ(std::int16_t(out[kFy]), -400);
+    EXPECT_EQ(std::int16_t(out[kFz]), -3400);
+    EXPECT_EQ(out[kFTang], 513);
+    EXPECT_EQ(out[kFMag], 3438);
+    EXPECT_EQ(out[kPeak], 3410);
+    EXPECT_EQ(out[kTx], sensor()[kTx]);  // torques have no other count
+    // The range of the register ends earlier, and both the block and the node report it.
+    s.force_S_N[2] = -3.4;
+    publish(s);
+    view = view_of(segment_);
+    view.force_scales = &scales;
+    encode_sensor(view, 0, out);
+    EXPECT_EQ(std::int16_t(out[kFz]), -32767);
+    EXPECT_NE(out[kSensorStatus] & 1u << 4, 0u);
+    std::array<std::uint16_t, kGlobalSize> all{};
+    encode_global(view, all);
+    EXPECT_EQ(all[kOverload], 1);
+    EXPECT_EQ(global()[kOverload], 0);
+}
+
 TEST_F(LiveRegisters, FloatsAreTheForcesInBothWordOrders) {
     auto s = good();
     const double force[] = {1234.5, -0.001, -12.25};
