@@ -97,8 +97,6 @@ public:
     // on, a lag that begins is not seen. It is not forgotten. rt: wait-free
     [[nodiscard]] bool is_too_fast() const noexcept { return is_too_fast_; }
 
-    // Drift of the offset, as a fraction of the host's time. rt: wait-free
-    [[nodiscard]] double slope() const noexcept { return slope_; }
     // Host time less the device's time, since the first frame. rt: wait-free
     [[nodiscard]] double offset_ns() const noexcept { return x_; }
 

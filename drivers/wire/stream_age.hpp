@@ -91,7 +91,6 @@ private:
     void backdate(Frame& frame, double late_ns) noexcept;
     [[nodiscard]] double range_ns(const Frame& frame) const noexcept { return std::ldexp(period_ns_, frame.sequence_bits); }
     void learn_rate(double advance, std::uint64_t host_ns) noexcept;
-    void measure_rate(std::uint64_t host_ns) noexcept;
     void begin_to_count() noexcept;
     [[nodiscard]] bool has_settled(double late, std::uint64_t host_ns) noexcept;
     [[nodiscard]] double frames_since(const Frame& frame, double silence_ns) const noexcept;
@@ -131,8 +130,6 @@ private:
     double counted_ = 0;          // frames since the first one
     std::uint64_t learn_ns_ = 0;  // host time of the first frame that period_ns_ is learnt from
     double learn_frames_ = 0;
-    std::uint64_t proved_at_ns_ = 0;  // host time of the first frame of an opening that proved it; 0: none
-    double proved_frames_ = 0;        // counted since
     bool must_reopen_ = false;        // no number can prove the age until then
     double max_late_ns_ = 0;          // the largest lateness in this lag
     std::uint64_t max_late_at_ = 0;   // when it was so late, by a tenth
@@ -309,27 +306,6 @@ inline void StreamAge::learn_rate(double advance, std::uint64_t host_ns) noexcep
     known_ns_ = host_ns;
 }
 
-// The first frames of two connections were on time: what the device has counted in between is its rate, also where a bridge
-// was slower. A device that paused shows none.
-inline void StreamAge::measure_rate(std::uint64_t host_ns) noexcept {
-    const auto elapsed_ns = double(host_ns - proved_at_ns_);
-    if (proved_at_ns_ != 0 && elapsed_ns < kLearn_ns) return;
-    if (proved_at_ns_ != 0 && proved_frames_ >= kLearnFrames && period_ns_ > 0) {
-        double measured_ns = elapsed_ns / proved_frames_;
-        if (declared_ns_ > 0)
-            measured_ns = std::clamp(measured_ns, declared_ns_ / (1 + tolerance_), declared_ns_ * (1 + tolerance_));
-        // The bound's slope corrects the period. A rate that is as before leaves the bound as it is: a new one would learn a
-        // lag that grows slowly.
-        if (std::abs(measured_ns - period_ns_ / (1 - bound_.slope())) * proved_frames_ >
-            kHiddenByRate_ns + bound_.uncertainty() * elapsed_ns) {
-            period_ns_ = max_period_ns_ = measured_ns;
-            begin_to_count();
-        }
-    }
-    proved_at_ns_ = host_ns;
-    proved_frames_ = 0;
-}
-
 inline void StreamAge::begin_to_count() noexcept {
     bound_ = AgeBound({.max_drift = kMaxRateError, .wander = route_.clock_ppm * 0.2e-6, .held_share = 0, .excess = kFaster});
     counted_ = 0;
@@ -366,9 +342,6 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
     const double advance = has_frame_ ? frames_since(frame, silence_ns) : 0;
     sequence_ = frame.sequence;
     if (!has_frame_) learn_ns_ = host_ns;
-    proved_frames_ += advance;
-    if (advance == 0 || (!is_reopened_ && silence_ns > kLate_ns + advance * std::max(period_ns_, max_period_ns_)))
-        proved_at_ns_ = 0;
     double late = 0;
     bool late_is_known = false;
     if (period_ns_ <= 0) {  // not yet known: a silence alone shows a lag
@@ -422,7 +395,6 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         is_unproved_ = must_reopen_ = false;
         known_ns_ = learn_ns_ = host_ns;
         learn_frames_ = 0;
-        measure_rate(host_ns);
     }
     late_ns_ = late;
     frame.age = is_unproved_ ? Frame::Age::unproved : Frame::Age::proved;
