@@ -135,5 +135,31 @@ TEST(Uncertainty, OfAComponentDependsOnTheLoadOfTheOthers) {
     EXPECT_NEAR(stated_sd(calibration, 1, {0, kNaN, -10, kNaN, kNaN, kNaN}), 0.05, 0.01);
 }
 
+// One row in 125 bears a light load and is far off: too few to count among all rows, but not among the light ones.
+TEST(Uncertainty, HoldsForLightLoadsAlone) {
+    std::mt19937_64 random(8);
+    std::normal_distribution<double> normal(0, 1);
+    std::uniform_real_distribution<double> uniform(0, 1);
+    Calibration calibration;
+    calibration.channels = {"A", "B"};
+    calibration.components = {"fx", "fz"};
+    calibration.full_scale = {2, 10};
+    std::vector<LabelledRow> rows;
+    rows.reserve(4000);
+    Validation validation;
+    for (int i = 0; i < 4000; ++i) {
+        const bool is_off = i % 125 == 0;
+        const double fx = 4 * uniform(random) - 2, fz = is_off ? -0.1 : -10 * uniform(random);
+        rows.push_back(
+            {.line = i, .channel = {fx, fz}, .wrench_S = {fx, kNaN, fz, kNaN, kNaN, kNaN}, .session = 0, .t_ns = 0});
+        Wrench estimated = rows.back().wrench_S;
+        estimated[0] += is_off ? 0.3 : 0.02 * fz * normal(random);
+        validation.rows.push_back({&rows.back(), estimated});
+        validation.group.push_back(0);
+    }
+    set_uncertainty(validation, calibration, false);
+    EXPECT_GT(stated_sd(calibration, 0, {0, kNaN, -0.1, kNaN, kNaN, kNaN}), 0.3 / 2.6);  // 99 % within 2.6 sd
+}
+
 }  // namespace
 }  // namespace tactiled
