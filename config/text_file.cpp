@@ -125,6 +125,9 @@ void replace_file(const std::string& path, std::string_view bytes) {
         if (remove) ::unlink(temporary.c_str());
         throw SaveError(fmt::format("{}: not saved: {}: {}", path, step, std::strerror(error)));
     };
+    struct stat about {};
+    if (::stat(path.c_str(), &about) == 0 && !S_ISREG(about.st_mode) && !S_ISDIR(about.st_mode))
+        throw SaveError(fmt::format("{}: not saved: it is a pipe or a device; give the path of a regular file", path));
     ::unlink(temporary.c_str());
     File file(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0644));
     if (file.fd() < 0) refuse("a file beside it cannot be made", false);

@@ -1,5 +1,6 @@
 """tactilectl calibrate --report: a page that another parser reads, that needs no other resource and replaces no data."""
 import html.parser
+import os
 import pathlib
 import re
 import subprocess
@@ -91,10 +92,17 @@ class Report(unittest.TestCase):
         self.assertEqual(done.returncode, 2, done.stderr)
         self.assertIn("now.csv:2: column t_s", done.stderr)
 
-    def test_a_report_that_cannot_be_written_is_an_error_and_the_calibration_stands(self):
+    def test_a_report_in_a_missing_folder_is_refused_before_the_fit(self):
         done = self.calibrate(LABELLED, self.folder / "nowhere" / "skin.html")
-        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertEqual(done.returncode, 2, done.stderr)
         self.assertIn("nowhere", done.stderr)
+        self.assertFalse((self.folder / "skin.toml").exists())
+
+    def test_a_report_that_cannot_be_written_is_an_error_and_the_calibration_stands(self):
+        os.mkfifo(self.folder / "skin.html")
+        done = self.calibrate(LABELLED, self.folder / "skin.html")
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertIn("skin.html: not saved", done.stderr)
         self.assertTrue((self.folder / "skin.toml").exists())
 
 

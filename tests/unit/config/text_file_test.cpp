@@ -116,5 +116,11 @@ TEST_F(TextFile, IsNotSavedWhereItCannotStand) {
     EXPECT_EQ(test::read_file(folder_ / "plain.toml"), "new");
 }
 
+TEST_F(TextFile, DoesNotReplaceAPipeOrADevice) {
+    ASSERT_EQ(::mkfifo(path_.c_str(), 0600), 0);
+    EXPECT_EQ(thrown(path_, "new"), path_ + ": not saved: it is a pipe or a device; give the path of a regular file");
+    EXPECT_TRUE(std::filesystem::is_fifo(path_));
+}
+
 }  // namespace
 }  // namespace tactiled
