@@ -36,7 +36,7 @@ std::optional<double> parse(std::string_view text) {
 }
 
 // Returns what a cell that is no number seems to be, "" if that is not known.
-std::string hint(std::string_view cell, std::string_view column) {
+std::string hint(std::string_view cell, std::string_view column, std::int64_t line) {
     const bool starts_with_digit =
         !cell.empty() && (std::isdigit(static_cast<unsigned char>(cell[0])) != 0 || cell[0] == '-');
     if (cell == column) return "; the header is there a second time: are two files joined?";
@@ -46,6 +46,9 @@ std::string hint(std::string_view cell, std::string_view column) {
     const auto blank = cell.find(' ');
     if (starts_with_digit && blank != cell.npos && parse(cell.substr(0, blank)))
         return "; the unit is in the column's name only";
+    const bool is_word = std::none_of(cell.begin(), cell.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
+    const bool is_missing = cell.find("/") != cell.npos || cell.size() > 3 || cell == "-" || cell == "NA";  // N/A, None, ...
+    if (line == 2 && is_word && !is_missing) return "; is this a row of units? Delete it";
     return "; a missing one is an empty cell";
 }
 
@@ -72,6 +75,8 @@ CsvReader::CsvReader(const std::string& path) : name_(path == "-" ? "standard in
         refuse(
             "columns are separated by ';' here; separate them by ',' and write decimals with '.', as tr ';,' ',.' < FILE "
             "does");
+    if (columns_.size() == 1 && columns_[0].find(' ') != std::string::npos)
+        refuse("columns are separated by blanks here; separate them by ','");
     if (columns_.size() > kMaxColumns) refuse(fmt::format("{} columns; at most {}", columns_.size(), kMaxColumns));
     for (std::size_t k = 0; k < columns_.size(); ++k) {
         if (columns_[k].empty()) refuse(fmt::format("column {} has no name", k + 1));
@@ -96,7 +101,10 @@ bool CsvReader::next() {
     } while (std::all_of(buffer_.begin(), buffer_.end(), is_blank));
     split();
     if (cells_.size() != columns_.size())
-        refuse(fmt::format("{} cells, the header has {} columns", cells_.size(), columns_.size()));
+        refuse(fmt::format("{} cells, the header has {} columns{}", cells_.size(), columns_.size(),
+                           cells_.size() == columns_.size() + 1 && cells_.back().empty() ? "; is there a ',' at the end?"
+                           : 2 * cells_.size() > 3 * columns_.size() ? "; decimals are written with '.'"
+                                                                     : ""));
     return true;
 }
 
@@ -106,7 +114,7 @@ double CsvReader::number(std::size_t column) const {
     const auto value = parse(cell);
     if (!value || std::isinf(*value))
         refuse(fmt::format("column {}: \"{}\" is no number{}", shown(columns_[column]), shown(cell),
-                           hint(cell, columns_[column])));
+                           hint(cell, columns_[column], line_)));
     return *value;
 }
 

@@ -1,6 +1,7 @@
 #include "decoupling/fit/corrections.hpp"
 
 #include <cmath>
+#include <limits>
 
 #include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
@@ -35,6 +36,17 @@ Scaled fit_matrix_and_scale(const Rows& rows, Calibration& calibration, std::vec
     return scaled;
 }
 
+Eigen::MatrixXd units_left(const Scaled& scaled) {
+    Eigen::MatrixXd y = Eigen::MatrixXd::Zero(scaled.u.rows(), Eigen::Index(scaled.component.size()));
+    for (std::size_t c = 0; c < scaled.component.size(); ++c) {
+        const Leftover& leftover = scaled.component[c];
+        const double unit = std::sqrt(leftover.y.squaredNorm() + std::numeric_limits<double>::min());
+        for (std::size_t i = 0; i < leftover.rows.size(); ++i)
+            y(leftover.rows[i], Eigen::Index(c)) = leftover.y[Eigen::Index(i)] / unit;
+    }
+    return y;
+}
+
 Eigen::MatrixXd quadratic_features(const Eigen::MatrixXd& u) {
     const Eigen::Index n = u.cols();
     Eigen::MatrixXd features(u.rows(), 1 + n + n * (n + 1) / 2);
@@ -49,6 +61,11 @@ Eigen::MatrixXd quadratic_features(const Eigen::MatrixXd& u) {
 Ridge::Ridge(const Eigen::MatrixXd& features) : rows_(double(features.rows())) {
     gram_ = Eigen::MatrixXd::Zero(features.cols(), features.cols());
     gram_.selfadjointView<Eigen::Lower>().rankUpdate(features.transpose());
+}
+
+void Ridge::take_out(const Eigen::MatrixXd& features) {
+    rows_ -= double(features.rows());
+    gram_.selfadjointView<Eigen::Lower>().rankUpdate(features.transpose(), -1);
 }
 
 Eigen::MatrixXd Ridge::solve(const Eigen::MatrixXd& feature_y, double ridge) const {

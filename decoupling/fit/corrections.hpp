@@ -22,6 +22,10 @@ struct Scaled {
 // setup: throws Undetermined
 Scaled fit_matrix_and_scale(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 
+// Returns the residuals, one column per component, in units of their root mean square. A row without a label counts as
+// explained, which affects only a search.
+Eigen::MatrixXd units_left(const Scaled& scaled);
+
 // Returns (1, u_1 .. u_n, u_1 u_1, u_1 u_2 .. u_n u_n) for each row.
 Eigen::MatrixXd quadratic_features(const Eigen::MatrixXd& u);
 
@@ -30,6 +34,8 @@ Eigen::MatrixXd quadratic_features(const Eigen::MatrixXd& u);
 class Ridge {
 public:
     explicit Ridge(const Eigen::MatrixXd& features);
+    // Subtracts rows that a component lacks: cheaper than a Gram matrix of the others.
+    void take_out(const Eigen::MatrixXd& features);
     // Solves for all columns of `feature_y` with one factorisation.
     [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& feature_y, double ridge) const;
 

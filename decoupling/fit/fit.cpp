@@ -12,6 +12,7 @@
 #include "decoupling/fit/groups.hpp"
 #include "decoupling/fit/joint_domain_fit.hpp"
 #include "decoupling/fit/labels.hpp"
+#include "decoupling/fit/leave_out.hpp"
 #include "decoupling/fit/outliers.hpp"
 #include "decoupling/fit/parity_fit.hpp"
 #include "decoupling/fit/recording_checks.hpp"
@@ -116,7 +117,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     calibration.channels = labelled->channels;
     Rows rows = usable_rows(*labelled, request, report);
     calibration.repeats = repeats_of(rows);
-    check_numbers(*labelled, rows);
+    check_numbers(*labelled, rows, report.warnings);
     if (const std::string odd = press_without_sign(rows); !odd.empty()) report.warnings.push_back(odd);
     check_labels(rows, report);
     check_number(rows, report);
@@ -184,23 +185,24 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         }
         const auto begun = now();
         judge->start = start_of(*judge->method, request, report);
-        const LabelsJudged judged = judge_labels(
-            rows,
-            [&](const Rows& some) {
-                if (methods.size() > 1 && some.size() == rows.size()) return judge->calibration;
-                return fit_rows(*judge->method, judge->start, some, drift.sd, judge->warnings);
-            },
-            request.keep_outliers);
+        const std::size_t n_judged = rows.size();
+        const Refit refit = [&](const Rows& some) {
+            return fit_rows(*judge->method, judge->start, some, drift.sd, judge->warnings);
+        };
+        const Refit refit_some = [&](const Rows& some) {
+            return methods.size() > 1 && some.size() == n_judged ? judge->calibration : refit(some);
+        };
+        LabelsJudged judged = judge_labels(rows, refit_some, request.keep_outliers);
+        leave_out(*labelled, rows, *judge->method, drift, refit, judged);
         report_suspects(*labelled, judged, report);
         judge->calibration = judged.calibration;
         judge->about.seconds += since(begun);
-        std::erase_if(rows, [&](const LabelledRow* row) {
-            return std::any_of(judged.suspects.begin(), judged.suspects.end(),
-                               [&](const Suspect& suspect) { return suspect.row == row && suspect.left_out; });
-        });
-        if (rows.size() < std::size_t(calibration.rows)) {
+        const auto out = std::count_if(judged.suspects.begin(), judged.suspects.end(),
+                                       [](const Suspect& suspect) { return suspect.left_out; });
+        if (out > 0) {
             // A rejected label sets no full scale and does not show that an axis was loaded.
             set_size();
+            calibration.rows = int(n_judged) - int(out);
             if (methods.size() > 1) fit_all();
         }
     }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "decoupling/fit/fit.hpp"
+#include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/recursive.hpp"
 #include "decoupling/generic/methods.hpp"
 #include "decoupling/solve/domain.hpp"
@@ -94,10 +95,7 @@ void fit_affine(const Rows& rows, Calibration& calibration, std::vector<std::str
 
     // Returns the readings at rest: rows in which every present label is within 2 % of its full scale; 0 if there are
     // none.
-    Wrench full_scale{};
-    for (const auto* row : rows)
-        for (std::size_t c = 0; c < full_scale.size(); ++c)
-            if (std::abs(row->wrench_S[c]) > full_scale[c]) full_scale[c] = std::abs(row->wrench_S[c]);
+    const Wrench full_scale = full_scales(rows);
     Eigen::VectorXd sum = Eigen::VectorXd::Zero(n_channels), min, max;
     int resting = 0;
     for (const auto* row : rows) {

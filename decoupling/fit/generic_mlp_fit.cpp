@@ -24,11 +24,15 @@ constexpr std::size_t kRowsPerWeight = 3, kRowsPerWeightOfMore = 10;
 // A step costs about rows x weights^2 multiplications: 4000 rows with 534 weights (15 channels, 6 components) take 0.1 s.
 constexpr double kMaxMultiplications = 1.15e9;
 constexpr Eigen::Index kMaxRows = 4000, kRowsOfAStart = 1200;
-constexpr int kStarts = 4, kStepsOfAStart = 8, kSteps = 48, kMaxTrials = 3;
+constexpr int kStarts = 4, kStepsOfAStart = 8, kSteps = 48;
+// Trials while some component gains too little; while none gains enough but one gains kPromising: that one start of
+// several ends without a gain is chance, and without any gain the sensor is linear.
+constexpr int kMaxTrials = 3, kMaxTrialsOfNone = 12;
 constexpr double kDecay = 1e-4;     // penalty on squared weights, per row
 constexpr Eigen::Index kParts = 5;  // stretches of time, as in the validation: shorter ones resemble the rest too much
 constexpr double kWorth =
     0.98;  // error relative to the matrix's on the rows left out: a component that gains less keeps the matrix
+constexpr double kPromising = 0.995;
 
 // Returns every `every`-th of the rows `of`.
 MlpRows some_of(const MlpRows& all, const std::vector<Eigen::Index>& of, std::size_t max) {
@@ -198,7 +202,9 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
     const std::size_t few = std::max(std::size_t(kRowsOfAStart), std::size_t(double(kRowsPerWeight) * weights));
     const MlpRows for_starts = some_of(all, every_row, std::min(few, max_rows));
     Trained best;
-    for (int trial = 0; trial < kMaxTrials; ++trial) {
+    for (int trial = 0; trial < kMaxTrialsOfNone; ++trial) {
+        if (trial >= kMaxTrials && (best.error.minCoeff() < kWorth * kWorth || best.error.minCoeff() > kPromising * kPromising))
+            break;
         const std::uint64_t first = std::uint64_t(seed) + std::uint64_t(trial) * 1'000'000'007;
         Trained other = train_from(all, neurons, best_start(for_starts, neurons, first), max_rows);
         if (trial == 0 || other.error.mean() < best.error.mean()) best = std::move(other);

@@ -7,6 +7,8 @@
 #include <map>
 #include <numeric>
 
+#include "decoupling/fit/labels.hpp"
+
 namespace tactiled {
 namespace {
 
@@ -17,14 +19,6 @@ constexpr double kSameLoad = 0.01;       // relative to full scale
 // Relative to the largest load; a smaller range in the rest would mean extrapolation. A new session may well exceed
 // the range of the others.
 constexpr double kSpanned = 0.3, kSpannedBySessions = 0.1;
-
-Wrench full_scales(const Rows& rows) {
-    Wrench full_scale{};
-    for (const auto* row : rows)
-        for (std::size_t c = 0; c < full_scale.size(); ++c)
-            if (std::abs(row->wrench_S[c]) > full_scale[c]) full_scale[c] = std::abs(row->wrench_S[c]);
-    return full_scale;
-}
 
 Groups groups_of_sessions(const Labelled& labelled, const Rows& rows) {
     std::vector<bool> occurs(std::max<std::size_t>(labelled.sessions.size(), 1));

@@ -17,6 +17,45 @@ constexpr double kNotIndependent = 1e-3;     // the same: correlated to more tha
 constexpr double kLargestChannel = 1e100;    // the squares of their sums must be finite; its inverse is the minimum width
 constexpr double kLargestLoad = 1e12;        // N or Nm; its inverse is the minimum full scale
 constexpr double kNoPress = 0.02;            // relative to the largest pull
+// Distance of a mark for a missing value over the range of all other labels; the second if it consists of nines.
+constexpr double kMarkBeyond = 15, kNinesBeyond = 2;
+constexpr double kUsual[] = {1000, 100};     // N, Nm: more is rare in a gripper, and usual for grams or millinewtons
+constexpr double kLongArm_m = 1;             // of a moment over a force
+
+// 99, 999, -9999 ...
+bool is_nines(double label) {
+    const double next = std::abs(label) + 1, power = std::round(std::log10(next));
+    return power >= 2 && next == std::pow(10, power);
+}
+
+// A label that several rows have exactly, or that consists of nines, far from those of all other rows.
+void refuse_mark(const Labelled& labelled, const Rows& rows, std::size_t c) {
+    const LabelledRow *least = nullptr, *greatest = nullptr;
+    for (const auto* row : rows) {
+        if (std::isnan(row->wrench_S[c])) continue;
+        if (least == nullptr || row->wrench_S[c] < least->wrench_S[c]) least = row;
+        if (greatest == nullptr || row->wrench_S[c] > greatest->wrench_S[c]) greatest = row;
+    }
+    for (const LabelledRow* first : {least, greatest}) {
+        if (first == nullptr) continue;
+        const double mark = first->wrench_S[c];
+        double min = 0, max = 0;
+        std::size_t n = 0, others = 0;
+        for (const auto* row : rows) {
+            const double label = row->wrench_S[c];
+            if (std::isnan(label)) continue;
+            label == mark ? ++n : ++others;
+            if (label != mark) min = std::min(min, label), max = std::max(max, label);
+        }
+        const double beyond = is_nines(mark) ? kNinesBeyond : kMarkBeyond;
+        if ((n < 2 && !is_nines(mark)) || others < 3 || !(max > min) ||
+            std::max(mark - max, min - mark) <= beyond * (max - min))
+            continue;
+        throw Undetermined(fmt::format("{}:{}: {} is {:.5g} there and in {} other rows, elsewhere {:.4g} to {:.4g}: a mark "
+                                       "for a missing value? Leave such cells empty",
+                                       labelled.name, first->line, label_column(c), mark, n - 1, min, max));
+    }
+}
 
 // Keeps the columns `kept` of every row.
 Labelled with_channels(const Labelled& labelled, const std::vector<std::size_t>& kept) {
@@ -32,6 +71,14 @@ Labelled with_channels(const Labelled& labelled, const std::vector<std::size_t>&
 }
 
 }  // namespace
+
+Wrench full_scales(const Rows& rows) {
+    Wrench full_scale{};
+    for (const auto* row : rows)
+        for (std::size_t c = 0; c < full_scale.size(); ++c)
+            if (std::abs(row->wrench_S[c]) > full_scale[c]) full_scale[c] = std::abs(row->wrench_S[c]);
+    return full_scale;
+}
 
 bool has_label(const LabelledRow& row) {
     return std::any_of(row.wrench_S.begin(), row.wrench_S.end(), [](double value) { return std::isfinite(value); });
@@ -68,7 +115,7 @@ Labelled with_useful_channels(const Labelled& labelled, const FitEntry& method, 
     return with_channels(labelled, kept);
 }
 
-void check_numbers(const Labelled& labelled, const Rows& rows) {
+void check_numbers(const Labelled& labelled, const Rows& rows, std::vector<std::string>& warnings) {
     for (std::size_t k = 0; k < labelled.channels.size(); ++k) {
         double min = std::numeric_limits<double>::infinity(), max = -min;
         for (const auto* row : rows) {
@@ -95,17 +142,34 @@ void check_numbers(const Labelled& labelled, const Rows& rows) {
         if (full_scale > 0 && full_scale < 1 / kLargestLoad)
             throw Undetermined(fmt::format("{} is {:.2g} at most, which no reference measures; labels are in {}",
                                            label_column(c), full_scale, c < 3 ? "N" : "Nm"));
+        refuse_mark(labelled, rows, c);
+        if (full_scale > kUsual[c / 3])
+            warnings.push_back(fmt::format("{} reaches {:.4g}: labels are in {}; are these {}?", label_column(c), full_scale,
+                                           c < 3 ? "N" : "Nm", c < 3 ? "grams or mN" : "Nmm"));
     }
+    const Wrench full_scale = full_scales(rows);
+    const double force = std::max({full_scale[0], full_scale[1], full_scale[2]});
+    const double moment = std::max({full_scale[3], full_scale[4], full_scale[5]});
+    if (force > 0 && moment > kLongArm_m * force)
+        warnings.push_back(
+            fmt::format("the greatest moment is the greatest force with an arm of {:.3g} m: are the moments in Nmm, or the "
+                        "forces in kN?",
+                        moment / force));
 }
 
 std::string press_without_sign(const Rows& rows) {
-    double min = std::numeric_limits<double>::infinity(), max = -min;
-    for (const auto* row : rows) {
-        if (std::isnan(row->wrench_S[2])) continue;
-        min = std::min(min, row->wrench_S[2]);
-        max = std::max(max, row->wrench_S[2]);
-    }
-    if (!(max > 0) || min < -kNoPress * max) return "";
+    double max = 0, presses = 0;
+    std::vector<double> labels;
+    for (const auto* row : rows)
+        if (!std::isnan(row->wrench_S[2])) labels.push_back(row->wrench_S[2]);
+    if (labels.empty()) return "";
+    std::sort(labels.begin(), labels.end());
+    const double min = labels.front();
+    max = labels.back();
+    // A single mistyped label is no direction: the next ones count.
+    const std::size_t some = std::max<std::size_t>(1, labels.size() / 100);
+    presses = labels[some - 1];
+    if (!(max > 0) || presses < -kNoPress * labels[labels.size() - some]) return "";
     return fmt::format(
         "fz_N is never negative ({:.3g} to {:.3g} N), as if the sensor was only pulled: a press on it has fz < 0. "
         "If these are presses, change their sign",

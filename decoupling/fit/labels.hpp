@@ -9,13 +9,17 @@ namespace tactiled {
 
 bool has_label(const LabelledRow& row);
 
+// Returns the largest magnitude of each component's labels; 0 without a label.
+Wrench full_scales(const Rows& rows);
+
 // Removes channels without information: those that the method does not know, and those that never change.
 // setup: throws Undetermined where none is left, or one that the method needs never changes
 Labelled with_useful_channels(const Labelled& labelled, const FitEntry& method, std::vector<std::string>& warnings);
 
-// Checks that channels and labels have a size whose square is finite, in the units that the columns name.
+// Checks that channels and labels have a size whose square is finite, in the units that the columns name, and that no
+// label is a mark for a missing value. Warns of sizes that suggest other units.
 // setup: throws Undetermined
-void check_numbers(const Labelled& labelled, const Rows& rows);
+void check_numbers(const Labelled& labelled, const Rows& rows, std::vector<std::string>& warnings);
 
 // Returns "" or a remark on fz: it is never negative, although a press has fz < 0.
 std::string press_without_sign(const Rows& rows);

@@ -6,7 +6,9 @@
 #include <cmath>
 #include <map>
 
+#include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/least_squares.hpp"
+#include "decoupling/fit/suspect_loads.hpp"
 #include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
 
@@ -22,6 +24,8 @@ constexpr double kUnderLoad = 0.2;                     // relative to full scale
 constexpr double kMoves = 0.5;                         // sd of the channels in rows with labels of 0 over that of all rows
 constexpr Eigen::Index kMaxLag = 10;                   // rows
 constexpr double kLagGains = 0.6, kLagMatters = 0.01;  // error with over without; relative to full scale
+constexpr std::size_t kManyRows = 100;  // more rows are not applied by hand
+constexpr double kFarApart_s = 5;       // rows of an instrument are not so far apart
 constexpr double kNearUnit = 0.05, kCorrelated = 0.98;
 struct Unit {
     double factor;
@@ -38,14 +42,6 @@ double spread(const std::vector<double>& values) {
     for (const double value : values) sum += value / double(values.size());
     for (const double value : values) squares += (value - sum) * (value - sum) / double(values.size());
     return std::sqrt(squares);
-}
-
-Wrench full_scale_of(const Rows& rows) {
-    Wrench full_scale{};
-    for (const auto* row : rows)
-        for (std::size_t c = 0; c < full_scale.size(); ++c)
-            if (std::abs(row->wrench_S[c]) > full_scale[c]) full_scale[c] = std::abs(row->wrench_S[c]);
-    return full_scale;
 }
 
 // Returns the labels' extent among some rows, relative to full scale; the greatest component counts.
@@ -75,7 +71,7 @@ void check_channel(const Labelled& labelled, const Rows& rows, std::size_t k, st
         warnings.push_back(
             fmt::format("channel {} rises in every row: is it a time or a row number? Choose with --channels", name));
     if (count.size() < kDifferent) return;
-    const Wrench full_scale = full_scale_of(rows);
+    const Wrench full_scale = full_scales(rows);
     const auto rows_at = [&](double value) {
         Rows result;
         for (const auto* row : rows)
@@ -180,7 +176,7 @@ void check_units(const Labelled& labelled, const Rows& rows) {
 // Labels that are late, or early, by some rows: a straight line through the channels of other rows fits them far better.
 void check_lag(const Rows& rows, std::vector<std::string>& warnings) {
     const auto n = Eigen::Index(rows.size()), m = Eigen::Index(rows.front()->channel.size()) + 1;
-    const Wrench full_scale = full_scale_of(rows);
+    const Wrench full_scale = full_scales(rows);
     if (n < 10 * (m + 2 * kMaxLag)) return;
     Eigen::RowVectorXd mean = Eigen::RowVectorXd::Zero(m), width = Eigen::RowVectorXd::Ones(m);
     Eigen::MatrixXd x(n, m);
@@ -220,9 +216,22 @@ void check_lag(const Rows& rows, std::vector<std::string>& warnings) {
     }
 }
 
+// Times in milliseconds.
+void check_times(const Rows& rows, std::vector<std::string>& warnings) {
+    std::vector<double> interval_s;
+    for (std::size_t i = 1; i < rows.size(); ++i)
+        if (rows[i - 1]->t_ns > 0 && rows[i]->t_ns > rows[i - 1]->t_ns)
+            interval_s.push_back(double(rows[i]->t_ns - rows[i - 1]->t_ns) * 1e-9);
+    if (interval_s.size() < kManyRows) return;
+    const double median_s = median(std::move(interval_s));
+    if (median_s < kFarApart_s) return;
+    warnings.push_back(
+        fmt::format("the rows are {:.3g} s apart by t_s, which is in seconds: are these times in milliseconds?", median_s));
+}
+
 // A recording in which a load is never reduced, except to nothing, cannot show hysteresis.
 void check_unloading(const Rows& rows, std::vector<std::string>& warnings) {
-    const Wrench full_scale = full_scale_of(rows);
+    const Wrench full_scale = full_scales(rows);
     const auto load_of_row = [&](const LabelledRow& row) {
         double load = 0;
         for (std::size_t c = 0; c < 6; ++c)
@@ -250,6 +259,7 @@ void check_recording(const Labelled& labelled, const Rows& rows, std::vector<std
     check_zeros(rows, warnings);
     check_units(labelled, rows);
     check_lag(rows, warnings);
+    check_times(rows, warnings);
     check_unloading(rows, warnings);
 }
 

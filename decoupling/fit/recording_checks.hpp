@@ -8,7 +8,7 @@
 namespace tactiled {
 
 // Warns of a channel that counts rows, of one that is cut off at its end, of labels that are 0 under load, of labels
-// that are late, and of a recording without unloading.
+// that are late, of times in milliseconds, and of a recording without unloading.
 // setup: throws Undetermined where a channel has a mark for missing values, or sessions have labels in other units
 void check_recording(const Labelled& labelled, const Rows& rows, std::vector<std::string>& warnings);
 

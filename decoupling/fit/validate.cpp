@@ -96,10 +96,14 @@ struct Part {
 };
 
 Part hold_out_group(const Labelled& labelled, const Rows& rows, const Groups& groups, std::size_t group,
-                    const FitEntry& method, const Calibration& whole, const ZeroDrift& drift) {
+                    const FitEntry& method, const Calibration& whole, const ZeroDrift& drift,
+                    const std::set<const LabelledRow*>& unused) {
     Part part;
     Rows seen, unseen;
-    for (std::size_t i = 0; i < rows.size(); ++i) (groups.of_row[i] == group ? unseen : seen).push_back(rows[i]);
+    for (std::size_t i = 0; i < rows.size(); ++i) if (groups.of_row[i] == group)
+            unseen.push_back(rows[i]);
+        else if (unused.count(rows[i]) == 0)
+            seen.push_back(rows[i]);
     if (unseen.empty()) return part;
     if (!groups.are_loads)
         if (const std::string component = not_spanned_without(rows, groups, group); !component.empty()) {
@@ -124,7 +128,8 @@ Part hold_out_group(const Labelled& labelled, const Rows& rows, const Groups& gr
 
 // Holds out all groups, on all processors.
 std::vector<Part> hold_out_groups(const Labelled& labelled, const Rows& rows, const Groups& groups, const FitEntry& method,
-                                  const Calibration& whole, const ZeroDrift& drift) {
+                                  const Calibration& whole, const ZeroDrift& drift,
+                                  const std::set<const LabelledRow*>& unused) {
     std::vector<Part> parts(groups.names.size());
     std::atomic<std::size_t> next{0};
     std::exception_ptr failed;
@@ -132,7 +137,7 @@ std::vector<Part> hold_out_groups(const Labelled& labelled, const Rows& rows, co
     const auto work = [&] {
         for (std::size_t group; (group = next++) < parts.size();) {
             try {
-                parts[group] = hold_out_group(labelled, rows, groups, group, method, whole, drift);
+                parts[group] = hold_out_group(labelled, rows, groups, group, method, whole, drift, unused);
             } catch (...) {
                 const std::lock_guard lock(one);
                 failed = std::current_exception();
@@ -181,10 +186,11 @@ void fit_with_drift(const FitEntry& method, const Rows& rows, const std::vector<
 }
 
 Validation hold_out(const Labelled& labelled, const Rows& rows, const FitEntry& method, const Calibration& whole,
-                    const ZeroDrift& drift, std::vector<std::string>& warnings) {
+                    const ZeroDrift& drift, std::vector<std::string>& warnings,
+                    const std::set<const LabelledRow*>& unused) {
     std::string in_vain;
     for (const Groups& groups : ways_to_hold_out(labelled, rows, method.remembers)) {
-        const std::vector<Part> parts = hold_out_groups(labelled, rows, groups, method, whole, drift);
+        const std::vector<Part> parts = hold_out_groups(labelled, rows, groups, method, whole, drift, unused);
         const auto refused =
             std::find_if(parts.begin(), parts.end(), [](const Part& part) { return !part.refused.empty(); });
         if (refused != parts.end()) {

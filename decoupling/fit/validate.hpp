@@ -1,6 +1,7 @@
 // The error of a calibration on rows that it has not seen.
 #pragma once
 #include <memory>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -34,9 +35,11 @@ struct Validation {
 };
 // Leaves each group of rows out in turn and fits the rest, in the first of ways_to_hold_out() in which every rest
 // determines the model. A method with memory reads the whole recording in order, each session from its start, as in
-// the loop: held-out rows are then estimated with their actual past, and without their labels.
+// the loop: held-out rows are then estimated with their actual past, and without their labels. No fit sees the rows
+// `unused`; they are estimated with the others.
 Validation hold_out(const Labelled& labelled, const Rows& rows, const FitEntry& method, const Calibration& calibration,
-                    const ZeroDrift& drift, std::vector<std::string>& warnings);
+                    const ZeroDrift& drift, std::vector<std::string>& warnings,
+                    const std::set<const LabelledRow*>& unused = {});
 
 // Sets sd and sd_slope of each component from its held-out errors: the largest of their 68.27 % quantile, their 95 %
 // quantile over 1.96 and, from 200 rows on, their 99 % quantile over 2.58; at least the root mean square of the worst

@@ -13,6 +13,14 @@ Eigen::MatrixXd solve_by_ldlt(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b
     return a.selfadjointView<Eigen::Lower>().ldlt().solve(b);
 }
 
+Eigen::MatrixXd triangle_of(const Eigen::MatrixXd& a) {
+    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(a);
+    const Eigen::Index n = std::min(a.rows(), a.cols());
+    Eigen::MatrixXd r = Eigen::MatrixXd::Zero(a.cols(), a.cols());
+    r.topRows(n) = qr.matrixQR().topRows(n).template triangularView<Eigen::Upper>();
+    return r;
+}
+
 double spectral_radius(const Eigen::MatrixXd& a) {
     return Eigen::EigenSolver<Eigen::MatrixXd>(a, false).eigenvalues().cwiseAbs().maxCoeff();
 }

@@ -15,6 +15,9 @@ Eigen::MatrixXd solve_by_qr(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
 // Returns x of a * x = b for a symmetric positive definite `a` (m x m), whose lower triangle is read. b and x: m x k.
 Eigen::MatrixXd solve_by_ldlt(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
 
+// Returns R (m x m, upper triangle, zeros below) of a QR decomposition of `a` (n x m): a' * a = R' * R.
+Eigen::MatrixXd triangle_of(const Eigen::MatrixXd& a);
+
 // Returns the largest magnitude of an eigenvalue of the square matrix `a`.
 double spectral_radius(const Eigen::MatrixXd& a);
 

@@ -1,0 +1,88 @@
+#include "decoupling/fit/leave_out.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "decoupling/fit/labels.hpp"
+#include "decoupling/fit/suspect_loads.hpp"
+
+namespace tactiled {
+namespace {
+
+// An error of a suspected row beyond this quantile of the others' errors counts linearly: if the label is wrong, its
+// error says little about the fit.
+constexpr double kTail = 0.99;
+// A gain counts if it is this share of the squared errors, or as many standard errors of the sum over the parts held out.
+constexpr double kClearGain = 0.05, kSure = 2;
+
+// Sums of the squared errors of each part that was held out.
+std::vector<Wrench> losses_of(const Validation& validation, const std::set<const LabelledRow*>& suspects,
+                              const Wrench& tail) {
+    std::vector<Wrench> losses(validation.group.empty() ? 0 : validation.group.back() + 1, Wrench{});
+    for (std::size_t i = 0; i < validation.rows.size(); ++i)
+        for (std::size_t c = 0; c < 6; ++c) {
+            const auto& [row, estimated_S] = validation.rows[i];
+            const double size = std::abs(estimated_S[c] - row->wrench_S[c]);
+            if (!std::isfinite(size)) continue;
+            const bool linear = suspects.count(row) != 0 && size > tail[c];
+            losses[validation.group[i]][c] += linear ? tail[c] * (2 * size - tail[c]) : size * size;
+        }
+    return losses;
+}
+
+// Returns true if the errors are lower, clearly or by more than chance: a few good rows in the tail change the others'
+// errors by chance, and wrong labels are few, so that not every part shows them.
+bool gains(const std::vector<Wrench>& before, const std::vector<Wrench>& after, std::size_t c) {
+    const auto n = double(before.size());
+    double all = 0, sum = 0, squares = 0;
+    for (std::size_t i = 0; i < before.size(); ++i) all += before[i][c], sum += before[i][c] - after[i][c];
+    for (std::size_t i = 0; i < before.size(); ++i) squares += std::pow(before[i][c] - after[i][c] - sum / n, 2);
+    return sum > std::min(kClearGain * all, kSure * std::sqrt(squares * n / (n - 1)));
+}
+
+Wrench tail_of(const Validation& validation, const std::set<const LabelledRow*>& suspects) {
+    Wrench tail{};
+    for (std::size_t c = 0; c < 6; ++c) {
+        std::vector<double> sizes;
+        for (const HeldOut& one : validation.rows)
+            if (const double size = std::abs(one.estimated_S[c] - one.row->wrench_S[c]);
+                std::isfinite(size) && suspects.count(one.row) == 0)
+                sizes.push_back(size);
+        if (!sizes.empty()) tail[c] = quantile(std::move(sizes), kTail);
+    }
+    return tail;
+}
+
+}  // namespace
+
+void leave_out(Labelled& labelled, Rows& rows, const FitEntry& method, const ZeroDrift& drift, const Refit& refit,
+               LabelsJudged& judged) {
+    std::set<const LabelledRow*> out;
+    for (const Suspect& suspect : judged.suspects)
+        if (suspect.left_out) out.insert(suspect.row);
+    if (out.empty()) return;
+    std::vector<std::string> ignored;
+    const Validation with = hold_out(labelled, rows, method, judged.calibration, drift, ignored);
+    const Validation without = hold_out(labelled, rows, method, judged.calibration, drift, ignored, out);
+    std::array<bool, 6> lower{};
+    lower.fill(true);
+    if (!with.how.empty() && !without.how.empty()) {
+        const Wrench tail = tail_of(without, out);
+        const auto before = losses_of(with, out, tail), after = losses_of(without, out, tail);
+        for (std::size_t c = 0; c < 6; ++c) lower[c] = gains(before, after, c);
+    }
+    bool all = true;
+    for (Suspect& suspect : judged.suspects) {
+        if (!suspect.left_out) continue;
+        suspect.left_out = lower[suspect.component];
+        Wrench& label = labelled.rows[std::size_t(suspect.row - labelled.rows.data())].wrench_S;
+        for (std::size_t c = 0; c < 6; ++c)
+            if (suspect.left_out && lower[c]) label[c] = kNaN;
+        all = all && !has_label(*suspect.row);
+    }
+    std::erase_if(rows, [](const LabelledRow* row) { return !has_label(*row); });
+    if (!all) judged.calibration = refit(rows);
+}
+
+}  // namespace tactiled
