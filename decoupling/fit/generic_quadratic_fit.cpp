@@ -15,7 +15,9 @@ namespace {
 constexpr Eigen::Index kParts = 5;  // stretches of time, as in the validation
 // The first stands for the exact solution, the last one is followed by no correction. Features have a mean square of 1.
 constexpr std::array kRidges{1e-10, 1e-8, 1e-6, 1e-4, 1e-2};
-constexpr double kWorth = 0.8;         // error relative to that of the exact solution: a smaller gain may be chance
+// Errors on the rows left out: of any correction relative to none, of a ridge relative to the exact solution. A smaller
+// gain may be chance, and outside these rows the correction may do harm.
+constexpr double kWorth = 0.95, kRidgeWorth = 0.8;
 constexpr Eigen::Index kChunk = 2048;  // rows whose features are in memory at a time
 
 // Calls f(first row, features) for each chunk of the rows begin .. end.
@@ -60,7 +62,11 @@ std::vector<std::size_t> search(const Scaled& scaled, Eigen::Index n_features) {
     for (Eigen::Index c = 0; c < y.cols(); ++c) {
         Eigen::Index best = 0;
         const double min = squares.col(c).minCoeff(&best);
-        chosen.push_back(min < kWorth * kWorth * squares(0, c) ? std::size_t(best) : 0);
+        const double none = squares(squares.rows() - 1, c);
+        if (!(min < kWorth * kWorth * none))
+            chosen.push_back(kRidges.size());
+        else
+            chosen.push_back(min < kRidgeWorth * kRidgeWorth * squares(0, c) ? std::size_t(best) : 0);
     }
     return chosen;
 }
@@ -130,9 +136,9 @@ void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::
         table.emplace_back(q.data(), q.data() + q.size());
     }
     if (!kept.empty())
-        warnings.push_back(fmt::format("method quadratic keeps method matrix for {}: products of channels do not lower "
-                                       "the error on the rows left out",
-                                       kept));
+        warnings.push_back(fmt::format("method quadratic keeps method matrix for {}: products of channels lower the error "
+                                       "on the rows left out by less than {:.0f} %",
+                                       kept, 100 * (1 - kWorth)));
 }
 
 const FitEntry entry{

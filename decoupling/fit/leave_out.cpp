@@ -58,18 +58,21 @@ Wrench tail_of(const Validation& validation, const std::set<const LabelledRow*>&
 
 void leave_out(Labelled& labelled, Rows& rows, const FitEntry& method, const ZeroDrift& drift, const Refit& refit,
                LabelsJudged& judged) {
-    std::set<const LabelledRow*> out;
-    for (const Suspect& suspect : judged.suspects)
-        if (suspect.left_out) out.insert(suspect.row);
-    if (out.empty()) return;
+    std::set<const LabelledRow*> suspects, kept;
+    for (const Suspect& suspect : judged.suspects) {
+        suspects.insert(suspect.row);
+        if (!suspect.left_out) kept.insert(suspect.row);
+    }
+    if (kept.size() == suspects.size()) return;
+    // Suspected rows that are kept would hide the effect of the others.
     std::vector<std::string> ignored;
-    const Validation with = hold_out(labelled, rows, method, judged.calibration, drift, ignored);
-    const Validation without = hold_out(labelled, rows, method, judged.calibration, drift, ignored, out);
+    const Validation with = hold_out(labelled, rows, method, judged.calibration, drift, ignored, kept);
+    const Validation without = hold_out(labelled, rows, method, judged.calibration, drift, ignored, suspects);
     std::array<bool, 6> lower{};
     lower.fill(true);
     if (!with.how.empty() && !without.how.empty()) {
-        const Wrench tail = tail_of(without, out);
-        const auto before = losses_of(with, out, tail), after = losses_of(without, out, tail);
+        const Wrench tail = tail_of(without, suspects);
+        const auto before = losses_of(with, suspects, tail), after = losses_of(without, suspects, tail);
         for (std::size_t c = 0; c < 6; ++c) lower[c] = gains(before, after, c);
     }
     bool all = true;

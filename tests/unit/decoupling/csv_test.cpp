@@ -88,6 +88,12 @@ TEST(Csv, NamesLineAndColumnOfWhatIsWrong) {
         std::string::npos);
     EXPECT_NE(labelled_complaint("t_s,R1,fz_N\n2026-03-01T10:00,1,2\n").find("times are seconds"), std::string::npos);
     EXPECT_NE(complaint("t_s\tR1\n0\t1\n").find("separated by tabs"), std::string::npos);
+    EXPECT_NE(complaint("t_s R1\n0 1\n").find("separated by blanks"), std::string::npos);
+    EXPECT_NE(complaint("t_s,R1\n0,V\n0,1\n").find("is this a row of units?"), std::string::npos);
+    for (const char* other : {"t_s,R1\n0,1\n0,V\n", "t_s,R1\n0,N/A\n", "t_s,R1\n0,1 V\n"})
+        EXPECT_EQ(complaint(other).find("row of units"), std::string::npos) << other;
+    EXPECT_NE(complaint("t_s,R1\n0,5,1,5\n").find("decimals are written with '.'"), std::string::npos);
+    EXPECT_NE(complaint("t_s,R1\n0,1,\n").find("a ',' at the end?"), std::string::npos);
     EXPECT_NE(complaint("# made by hand\nt_s,R1\n0,1\n").find(":1: is no header"), std::string::npos);
     EXPECT_NE(complaint("t_s,R1\r0,1\r").find("a carriage return alone"), std::string::npos);
     EXPECT_NE(complaint(std::string("\xFF\xFEt\0,\0\n\0", 8)).find("UTF-8"), std::string::npos);

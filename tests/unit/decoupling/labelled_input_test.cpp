@@ -126,6 +126,48 @@ TEST(Input, LoadsThatOnlyRiseShowNoHysteresis) {
     EXPECT_TRUE(warns(fit(up, by("matrix")), text));
 }
 
+TEST(Input, MarksForMissingLabelsAreRefused) {
+    Labelled labelled = walk(400);
+    for (const double mark : {-999.0, 9999.0, 12345.0}) {
+        Labelled marked = labelled;
+        for (const std::size_t i : {40u, 90u, 130u}) marked.rows[i].wrench_S[2] = mark;
+        EXPECT_NE(refusal(marked, by("matrix")).find("waves.csv:42: fz_N is"), std::string::npos) << refusal(marked, by("matrix"));
+    }
+    Labelled nines = labelled, mistyped = labelled, decades = labelled;
+    nines.rows[40].wrench_S[2] = -999;
+    EXPECT_NE(refusal(nines, by("matrix")).find("-999 there and in 0 other rows"), std::string::npos);
+    mistyped.rows[40].wrench_S[2] = -12;  // is -1.2: named, not refused
+    EXPECT_EQ(refusal(mistyped, by("matrix")), "");
+    for (std::size_t i = 0; i < 400; ++i) {  // weights of 0.1, 1 and 10 N, the last one twice
+        const double fz = i == 100 || i == 200 ? -10 : i % 2 == 0 ? -1 : -0.1;
+        decades.rows[i].wrench_S[2] = fz;
+        decades.rows[i].channel[1] = fz + 1e-3 * std::sin(double(i));
+    }
+    EXPECT_EQ(refusal(decades, by("matrix")).find("a mark for a missing value"), std::string::npos);
+}
+
+TEST(Input, OtherUnitsOfLabelsAndTimesAreNamed) {
+    Labelled labelled = walk(400), grams = labelled, long_arm = labelled, milliseconds = labelled;
+    for (std::size_t i = 0; i < 400; ++i) {
+        labelled.rows[i].t_ns = (i + 1) * 36'000'000;
+        milliseconds.rows[i].t_ns = (i + 1) * 36'000'000'000;
+        grams.rows[i].wrench_S[2] *= 1e4;
+        long_arm.rows[i].wrench_S[3] = 5 * long_arm.rows[i].wrench_S[0] + labelled.rows[i].channel[1];
+    }
+    const FitReport plain = fit(labelled, by("matrix"));
+    for (const char* text : {"grams or mN", "with an arm of", "in milliseconds?"}) EXPECT_FALSE(warns(plain, text)) << text;
+    EXPECT_TRUE(warns(fit(grams, by("matrix")), "labels are in N; are these grams or mN?"));
+    EXPECT_TRUE(warns(fit(long_arm, by("matrix")), "with an arm of"));
+    EXPECT_TRUE(warns(fit(milliseconds, by("matrix")), "the rows are 36 s apart by t_s"));
+}
+
+TEST(Input, OneMistypedPullDoesNotHideThatAllArePresses) {
+    Labelled labelled = walk(400);
+    for (auto& row : labelled.rows) row.wrench_S[2] -= 1.001;
+    labelled.rows[33].wrench_S[2] = 90;  // N
+    EXPECT_FALSE(warns(fit(labelled, by("matrix")), "fz_N is never negative"));
+}
+
 TEST(Input, FewRowsAreRefusedBeforeTheirLabelsAreJudged) {
     Labelled two = waves(2, 3e-3, 1, false);
     for (auto& row : two.rows) row.wrench_S[0] = 0;
