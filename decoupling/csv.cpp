@@ -103,8 +103,8 @@ bool CsvReader::next() {
     if (cells_.size() != columns_.size())
         refuse(fmt::format("{} cells, the header has {} columns{}", cells_.size(), columns_.size(),
                            cells_.size() == columns_.size() + 1 && cells_.back().empty() ? "; is there a ',' at the end?"
-                           : 2 * cells_.size() > 3 * columns_.size() ? "; decimals are written with '.'"
-                                                                     : ""));
+                           : 2 * cells_.size() > 3 * columns_.size()                     ? "; decimals are written with '.'"
+                                                                                         : ""));
     return true;
 }
 

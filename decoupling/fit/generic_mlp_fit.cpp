@@ -203,7 +203,8 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
     const MlpRows for_starts = some_of(all, every_row, std::min(few, max_rows));
     Trained best;
     for (int trial = 0; trial < kMaxTrialsOfNone; ++trial) {
-        if (trial >= kMaxTrials && (best.error.minCoeff() < kWorth * kWorth || best.error.minCoeff() > kPromising * kPromising))
+        if (trial >= kMaxTrials &&
+            (best.error.minCoeff() < kWorth * kWorth || best.error.minCoeff() > kPromising * kPromising))
             break;
         const std::uint64_t first = std::uint64_t(seed) + std::uint64_t(trial) * 1'000'000'007;
         Trained other = train_from(all, neurons, best_start(for_starts, neurons, first), max_rows);

@@ -124,8 +124,7 @@ void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::
     for (std::size_t i = 0; i < scaled.component.size(); ++i) {
         const Leftover& leftover = scaled.component[i];
         const bool all = has_all(leftover);
-        const Eigen::MatrixXd own =
-            all ? Eigen::MatrixXd() : triangle_of(rows_of(scaled.u, leftover.rows), leftover.y, n);
+        const Eigen::MatrixXd own = all ? Eigen::MatrixXd() : triangle_of(rows_of(scaled.u, leftover.rows), leftover.y, n);
         const Eigen::Index column = all ? next++ : 0;
         Eigen::VectorXd q = Eigen::VectorXd::Zero(n);
         if (ridge[i] == kRidges.size()) {
@@ -142,9 +141,10 @@ void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::
         table.emplace_back(q.data(), q.data() + q.size());
     }
     if (!kept.empty())
-        warnings.push_back(fmt::format("method quadratic keeps method matrix for {}: products of channels lower the error "
-                                       "on the rows left out by less than {:.0f} %",
-                                       kept, 100 * (1 - kWorth)));
+        warnings.push_back(
+            fmt::format("method quadratic keeps method matrix for {}: products of channels lower the error "
+                        "on the rows left out by less than {:.0f} %",
+                        kept, 100 * (1 - kWorth)));
 }
 
 const FitEntry entry{

@@ -19,8 +19,8 @@ constexpr Eigen::Index kRowsPerCentre = 20;
 constexpr double kSpreads[] = {1, 2, 4, 8};  // in standard deviations of a channel
 constexpr double kRidges[] = {1e-9, 1e-7, 1e-5, 1e-3, 1e-1};
 constexpr Eigen::Index kMaxRows = 24'000;  // features of so many rows take 220 MB; more rows hardly change the fit
-constexpr int kParts = 5;  // parts of the rows; one is left out for the search of spread and ridge
-constexpr Eigen::Index kFewRows = 1000;  // with fewer rows each part is left out in turn, which takes less than a second
+constexpr int kParts = 5;                  // parts of the rows; one is left out for the search of spread and ridge
+constexpr Eigen::Index kFewRows = 1000;    // with fewer rows each part is left out in turn, which takes less than a second
 
 // k-means++ and Lloyd's iterations, always with the same random numbers. A centre that loses all its rows keeps its
 // place.
@@ -110,8 +110,7 @@ Found search(const Scaled& scaled, const Eigen::MatrixXd& centres) {
             const Ridge ridge_of_seen(of_seen);
             const Eigen::MatrixXd feature_y = of_seen.transpose() * y_seen;
             for (std::size_t r = 0; r < std::size(kRidges); ++r)
-                squares[s][r] +=
-                    (y_unseen - of_unseen * ridge_of_seen.solve(feature_y, kRidges[r])).colwise().squaredNorm();
+                squares[s][r] += (y_unseen - of_unseen * ridge_of_seen.solve(feature_y, kRidges[r])).colwise().squaredNorm();
         }
     }
     Found found;

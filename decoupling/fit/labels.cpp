@@ -19,8 +19,8 @@ constexpr double kLargestLoad = 1e12;        // N or Nm; its inverse is the mini
 constexpr double kNoPress = 0.02;            // relative to the largest pull
 // Distance of a mark for a missing value over the range of all other labels; the second if it consists of nines.
 constexpr double kMarkBeyond = 15, kNinesBeyond = 2;
-constexpr double kUsual[] = {1000, 100};     // N, Nm: more is rare in a gripper, and usual for grams or millinewtons
-constexpr double kLongArm_m = 1;             // of a moment over a force
+constexpr double kUsual[] = {1000, 100};  // N, Nm: more is rare in a gripper, and usual for grams or millinewtons
+constexpr double kLongArm_m = 1;          // of a moment over a force
 
 // 99, 999, -9999 ...
 bool is_nines(double label) {
@@ -51,9 +51,10 @@ void refuse_mark(const Labelled& labelled, const Rows& rows, std::size_t c) {
         if ((n < 2 && !is_nines(mark)) || others < 3 || !(max > min) ||
             std::max(mark - max, min - mark) <= beyond * (max - min))
             continue;
-        throw Undetermined(fmt::format("{}:{}: {} is {:.5g} there and in {} other rows, elsewhere {:.4g} to {:.4g}: a mark "
-                                       "for a missing value? Leave such cells empty",
-                                       labelled.name, first->line, label_column(c), mark, n - 1, min, max));
+        throw Undetermined(
+            fmt::format("{}:{}: {} is {:.5g} there and in {} other rows, elsewhere {:.4g} to {:.4g}: a mark "
+                        "for a missing value? Leave such cells empty",
+                        labelled.name, first->line, label_column(c), mark, n - 1, min, max));
     }
 }
 

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
+#include <utility>
 
 #include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/least_squares.hpp"
@@ -23,9 +23,10 @@ constexpr double kCutOff = 0.01, kCutOffTimes = 3;     // share of the rows at t
 constexpr double kUnderLoad = 0.2;                     // relative to full scale
 constexpr double kMoves = 0.5;                         // sd of the channels in rows with labels of 0 over that of all rows
 constexpr Eigen::Index kMaxLag = 10;                   // rows
+constexpr Eigen::Index kMaxRows = 30'000;              // rows from the start that show a lag
 constexpr double kLagGains = 0.6, kLagMatters = 0.01;  // error with over without; relative to full scale
-constexpr std::size_t kManyRows = 100;  // more rows are not applied by hand
-constexpr double kFarApart_s = 5;       // rows of an instrument are not so far apart
+constexpr std::size_t kManyRows = 100;                 // more rows are not applied by hand
+constexpr double kFarApart_s = 5;                      // rows of an instrument are not so far apart
 constexpr double kNearUnit = 0.05, kCorrelated = 0.98;
 struct Unit {
     double factor;
@@ -61,11 +62,17 @@ double extent(const Rows& rows, const Wrench& full_scale) {
 
 void check_channel(const Labelled& labelled, const Rows& rows, std::size_t k, std::vector<std::string>& warnings) {
     const std::string& name = labelled.channels[k];
-    std::map<double, std::size_t> count;
     bool rises = true;
+    std::vector<double> values;
     for (std::size_t i = 0; i < rows.size(); ++i) {
-        ++count[rows[i]->channel[k]];
+        values.push_back(rows[i]->channel[k]);
         rises = rises && (i == 0 || rows[i]->channel[k] > rows[i - 1]->channel[k]);
+    }
+    std::sort(values.begin(), values.end());
+    std::vector<std::pair<double, std::size_t>> count;  // of each value, in their order
+    for (const double value : values) {
+        if (count.empty() || count.back().first != value) count.emplace_back(value, 0);
+        ++count.back().second;
     }
     if (rises)
         warnings.push_back(
@@ -175,7 +182,7 @@ void check_units(const Labelled& labelled, const Rows& rows) {
 
 // Labels that are late, or early, by some rows: a straight line through the channels of other rows fits them far better.
 void check_lag(const Rows& rows, std::vector<std::string>& warnings) {
-    const auto n = Eigen::Index(rows.size()), m = Eigen::Index(rows.front()->channel.size()) + 1;
+    const auto n = std::min(kMaxRows, Eigen::Index(rows.size())), m = Eigen::Index(rows.front()->channel.size()) + 1;
     const Wrench full_scale = full_scales(rows);
     if (n < 10 * (m + 2 * kMaxLag)) return;
     Eigen::RowVectorXd mean = Eigen::RowVectorXd::Zero(m), width = Eigen::RowVectorXd::Ones(m);

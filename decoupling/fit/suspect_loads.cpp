@@ -23,8 +23,9 @@ constexpr std::ptrdiff_t kBefore = 3;   // number of loads before and after, who
 constexpr double kSlow = 0.7;           // scatter without over scatter with the slow part; below this it is subtracted
 constexpr std::ptrdiff_t kAround = 15;  // number of loads before and after that define the local size of errors
 constexpr std::size_t kNeighbours = 5;  // number of nearest loads in the channels
-constexpr double kShared = 0.5;         // share of its error that the neighbours have, too
-constexpr double kBeyond = 0.02;        // relative to full scale
+constexpr std::size_t kMaxCandidates = 20'000;  // loads among which they are looked for, evenly over the recording
+constexpr double kShared = 0.5;                 // share of its error that the neighbours have, too
+constexpr double kBeyond = 0.02;                // relative to full scale
 constexpr double kBends = 2, kNearEnd = 0.9;
 constexpr std::size_t kRunOfMany = 3;  // consecutive suspects are not mistyped labels if errors are slow
 
@@ -141,7 +142,8 @@ double limit_of(const std::vector<double>& sizes) {
 // same label.
 Wrench error_nearby(const std::vector<Load>& loads, std::size_t of, const std::vector<bool>& suspected) {
     std::vector<std::pair<double, std::size_t>> near;
-    for (std::size_t l = 0; l < loads.size(); ++l) {
+    const std::size_t every = std::max<std::size_t>(1, loads.size() / kMaxCandidates);
+    for (std::size_t l = 0; l < loads.size(); l += every) {
         if (l == of || suspected[l]) continue;
         double d2 = 0;
         for (std::size_t k = 0; k < loads[l].channel.size(); ++k)

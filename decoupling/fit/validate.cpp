@@ -100,7 +100,8 @@ Part hold_out_group(const Labelled& labelled, const Rows& rows, const Groups& gr
                     const std::set<const LabelledRow*>& unused) {
     Part part;
     Rows seen, unseen;
-    for (std::size_t i = 0; i < rows.size(); ++i) if (groups.of_row[i] == group)
+    for (std::size_t i = 0; i < rows.size(); ++i)
+        if (groups.of_row[i] == group)
             unseen.push_back(rows[i]);
         else if (unused.count(rows[i]) == 0)
             seen.push_back(rows[i]);
@@ -186,8 +187,7 @@ void fit_with_drift(const FitEntry& method, const Rows& rows, const std::vector<
 }
 
 Validation hold_out(const Labelled& labelled, const Rows& rows, const FitEntry& method, const Calibration& whole,
-                    const ZeroDrift& drift, std::vector<std::string>& warnings,
-                    const std::set<const LabelledRow*>& unused) {
+                    const ZeroDrift& drift, std::vector<std::string>& warnings, const std::set<const LabelledRow*>& unused) {
     std::string in_vain;
     for (const Groups& groups : ways_to_hold_out(labelled, rows, method.remembers)) {
         const std::vector<Part> parts = hold_out_groups(labelled, rows, groups, method, whole, drift, unused);

@@ -55,8 +55,8 @@ struct Sensor {
         response = Response(random() % 4);
         loads = Loads(random() % 5);
         channels = std::size_t(one_of(1, 2, 3, 6, 8, 16, 32));
-        const std::vector<std::vector<std::size_t>> kComponents = {
-            {2}, {0, 2}, {0, 1, 2}, {0, 1, 2, 5}, {0, 1, 2, 3, 4}, {0, 1, 2, 3, 4, 5}};
+        const std::vector<std::vector<std::size_t>> kComponents = {{2},          {0, 2},          {0, 1, 2},
+                                                                   {0, 1, 2, 5}, {0, 1, 2, 3, 4}, {0, 1, 2, 3, 4, 5}};
         components = kComponents[random() % std::min<std::size_t>(channels, 6)];
         rows = std::size_t(20 * std::pow(double(max_rows) / 20, std::uniform_real_distribution<double>(0, 1)(random)));
         sessions = rows < 100 ? 1 : std::size_t(one_of(1, 1, 2, 3, 5));
@@ -75,8 +75,9 @@ struct Sensor {
             gain.emplace_back();
             curve.emplace_back();
             for (std::size_t c = 0; c < 6; ++c) {
-                gain.back()[c] = (k == c || (channels <= 6 && components[std::min(k, components.size() - 1)] == c) ? 1 : 0.3) *
-                                 (1 + 0.3 * normal(random)) * (random() % 2 == 0 ? 1 : -1);
+                gain.back()[c] =
+                    (k == c || (channels <= 6 && components[std::min(k, components.size() - 1)] == c) ? 1 : 0.3) *
+                    (1 + 0.3 * normal(random)) * (random() % 2 == 0 ? 1 : -1);
                 curve.back()[c] = 0.15 * normal(random);
             }
             limit.push_back(1 + 0.5 * std::abs(normal(random)));
@@ -155,7 +156,8 @@ struct Sensor {
                 if (response == Response::saturating) x = limit[k] * std::tanh(x / limit[k]);
                 play[k] = std::clamp(play[k], x - loop[k], x + loop[k]);
                 if (response == Response::backlash) x = play[k];
-                // An Ornstein-Uhlenbeck process: the zero wanders with a standard deviation of `drift` over a 20th of the rows.
+                // An Ornstein-Uhlenbeck process: the zero wanders with a standard deviation of `drift` over a 20th of the
+                // rows.
                 const double turn = std::min(1.0, 20.0 / double(rows));
                 wander[k] = (1 - turn) * wander[k] + drift * std::sqrt(turn * (2 - turn)) * normal(random);
                 row.channel.push_back(x + zero[k] + wander[k] + noise * normal(random));
@@ -172,7 +174,8 @@ struct Sensor {
 };
 
 struct Judged {
-    double rms = 0, within = 100, beyond = 0, sharpness = 0, good = 0;  // %, but sharpness: median sd over rms; worst component
+    double rms = 0, within = 100, beyond = 0, sharpness = 0,
+           good = 0;  // %, but sharpness: median sd over rms; worst component
 };
 
 // `rest`: readings at rest for a tare; empty: none.
@@ -227,7 +230,8 @@ void write_csv(const Labelled& labelled, const char* path) {
 }
 
 struct Counts {
-    int fits = 0, refused = 0, zero = 0, worse = 0, outliers = 0, beyond = 0, within = 0, wide = 0, slow = 0, not_validated = 0;
+    int fits = 0, refused = 0, zero = 0, worse = 0, outliers = 0, beyond = 0, within = 0, wide = 0, slow = 0,
+        not_validated = 0;
     std::vector<double> inside, of_rms;
 };
 
@@ -247,12 +251,18 @@ int main(int count, char** word) {
     }
     for (int i = 1; i < count; ++i) {
         const std::string text = word[i];
-        if (text == "--first" && i + 1 < count) first = unsigned(std::atoi(word[++i]));
-        else if (text == "--methods" && i + 1 < count) methods = word[++i];
-        else if (text == "--rows" && i + 1 < count) max_rows = std::size_t(std::atof(word[++i]));
-        else if (text == "--exactly" && i + 1 < count) exactly = std::size_t(std::atof(word[++i]));
-        else if (text == "--verbose") verbose = true;
-        else cases = unsigned(std::atoi(word[i]));
+        if (text == "--first" && i + 1 < count)
+            first = unsigned(std::atoi(word[++i]));
+        else if (text == "--methods" && i + 1 < count)
+            methods = word[++i];
+        else if (text == "--rows" && i + 1 < count)
+            max_rows = std::size_t(std::atof(word[++i]));
+        else if (text == "--exactly" && i + 1 < count)
+            exactly = std::size_t(std::atof(word[++i]));
+        else if (text == "--verbose")
+            verbose = true;
+        else
+            cases = unsigned(std::atoi(word[i]));
     }
     std::map<std::string, Counts> table;
     for (unsigned number = first; number < first + cases; ++number) {
@@ -260,10 +270,12 @@ int main(int count, char** word) {
         if (exactly > 0) sensor.rows = exactly;
         const Labelled seen = sensor.recording(sensor.rows, number, false);
         const Labelled fresh = sensor.recording(std::clamp<std::size_t>(sensor.rows, 500, 2000), number + 7777, true);
-        fmt::print("{}: {} channels, {} components, {}, {}, {} rows (hold {}), {} sessions, noise {}, drift {}, zeros {}, labels {}{}{}\n",
-                   number, sensor.channels, sensor.components.size(), kResponses[int(sensor.response)], kLoads[int(sensor.loads)],
-                   sensor.rows, sensor.hold, sensor.sessions, sensor.noise, sensor.drift, sensor.zeros, sensor.quantum,
-                   sensor.gaps ? ", gaps" : "", sensor.times ? "" : ", no times");
+        fmt::print(
+            "{}: {} channels, {} components, {}, {}, {} rows (hold {}), {} sessions, noise {}, drift {}, zeros {}, labels "
+            "{}{}{}\n",
+            number, sensor.channels, sensor.components.size(), kResponses[int(sensor.response)], kLoads[int(sensor.loads)],
+            sensor.rows, sensor.hold, sensor.sessions, sensor.noise, sensor.drift, sensor.zeros, sensor.quantum,
+            sensor.gaps ? ", gaps" : "", sensor.times ? "" : ", no times");
         double of_matrix = 0;
         for (std::size_t at = 0; at < methods.size();) {
             const std::size_t end = std::min(methods.find(',', at), methods.size());
@@ -272,9 +284,11 @@ int main(int count, char** word) {
             Counts& counts = table[method];
             const auto begun = std::chrono::steady_clock::now();
             try {
-                const FitReport report = fit(seen, {.model = "generic", .method = method, .serial = "", .channel_unit = "V", .date = "2026-03-01"});
+                const FitReport report = fit(
+                    seen, {.model = "generic", .method = method, .serial = "", .channel_unit = "V", .date = "2026-03-01"});
                 const double took = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
-                const Judged judged = judge(report.calibration, fresh, report.zeros.own ? sensor.rest_ : std::vector<double>{});
+                const Judged judged =
+                    judge(report.calibration, fresh, report.zeros.own ? sensor.rest_ : std::vector<double>{});
                 if (method == "matrix") of_matrix = judged.rms;
                 ++counts.fits;
                 std::string odd;
@@ -289,7 +303,8 @@ int main(int count, char** word) {
                         any = any || std::any_of(output.begin(), output.end(), [](double w) { return w != 0; });
                     note(!any, counts.zero, "zero network");
                 }
-                const auto out = std::count_if(report.suspects.begin(), report.suspects.end(), [](const Suspect& s) { return s.left_out; });
+                const auto out = std::count_if(report.suspects.begin(), report.suspects.end(),
+                                               [](const Suspect& s) { return s.left_out; });
                 const bool validated = !report.calibration.sd.empty();
                 note(!validated, counts.not_validated, "not validated");
                 note(of_matrix > 0 && judged.rms > 1.02 * of_matrix && judged.rms > 0.05, counts.worse, "worse than matrix");
@@ -304,9 +319,11 @@ int main(int count, char** word) {
                 note(took > 120, counts.slow, "slow");
                 double held_out = 0;
                 for (const auto& c : report.components) held_out = std::max(held_out, 100 * c.held_out_rms / c.full_scale);
-                fmt::print("   {:9} {:9} held out {:6.2f} fresh {:6.2f} % of FS, within 1 sd {:3.0f} %, beyond 5 {:4.1f} %, sd/rms {:4.1f}, GOOD {:3.0f} %, named {} out {}, {:.1f} s{}{}\n",
-                           method, report.calibration.method, held_out, judged.rms, judged.within, judged.beyond, judged.sharpness, judged.good,
-                           report.suspects.size(), out, took, report.zeros.own ? ", own zeros" : "", odd);
+                fmt::print(
+                    "   {:9} {:9} held out {:6.2f} fresh {:6.2f} % of FS, within 1 sd {:3.0f} %, beyond 5 {:4.1f} %, sd/rms "
+                    "{:4.1f}, GOOD {:3.0f} %, named {} out {}, {:.1f} s{}{}\n",
+                    method, report.calibration.method, held_out, judged.rms, judged.within, judged.beyond, judged.sharpness,
+                    judged.good, report.suspects.size(), out, took, report.zeros.own ? ", own zeros" : "", odd);
                 if (verbose)
                     for (const auto& warning : report.warnings) fmt::print("      {}\n", warning);
             } catch (const std::exception& error) {
@@ -320,8 +337,11 @@ int main(int count, char** word) {
         std::sort(values.begin(), values.end());
         return values.empty() ? 0 : values[values.size() / 2];
     };
-    fmt::print("method     fits refused  zero  worse  left-out  not-valid  beyond-5  within<50  within>95  slow  median within, error/matrix\n");
+    fmt::print(
+        "method     fits refused  zero  worse  left-out  not-valid  beyond-5  within<50  within>95  slow  median within, "
+        "error/matrix\n");
     for (auto& [method, c] : table)
-        fmt::print("{:9} {:5} {:7} {:5} {:6} {:9} {:10} {:9} {:10} {:10} {:5}  {:.0f} %, {:.2f}\n", method, c.fits, c.refused, c.zero, c.worse, c.outliers,
-                   c.not_validated, c.beyond, c.within, c.wide, c.slow, median(c.inside), median(c.of_rms));
+        fmt::print("{:9} {:5} {:7} {:5} {:6} {:9} {:10} {:9} {:10} {:10} {:5}  {:.0f} %, {:.2f}\n", method, c.fits,
+                   c.refused, c.zero, c.worse, c.outliers, c.not_validated, c.beyond, c.within, c.wide, c.slow,
+                   median(c.inside), median(c.of_rms));
 }

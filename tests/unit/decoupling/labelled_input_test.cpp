@@ -131,7 +131,8 @@ TEST(Input, MarksForMissingLabelsAreRefused) {
     for (const double mark : {-999.0, 9999.0, 12345.0}) {
         Labelled marked = labelled;
         for (const std::size_t i : {40u, 90u, 130u}) marked.rows[i].wrench_S[2] = mark;
-        EXPECT_NE(refusal(marked, by("matrix")).find("waves.csv:42: fz_N is"), std::string::npos) << refusal(marked, by("matrix"));
+        EXPECT_NE(refusal(marked, by("matrix")).find("waves.csv:42: fz_N is"), std::string::npos)
+            << refusal(marked, by("matrix"));
     }
     Labelled nines = labelled, mistyped = labelled, decades = labelled;
     nines.rows[40].wrench_S[2] = -999;

@@ -119,34 +119,42 @@ TEST(Outliers, AreJudgedByTheMethodThatIsChosen) {
     EXPECT_LE(report.suspects.size(), 6u + 3u);  // 0.5 % of the others
 }
 
-// A sensor whose errors have a long tail: rows in the tail are named, but the fit without them is no better.
+// Sensors whose errors have a long tail: rows in the tail are named, but the fit without them is no better.
 TEST(Outliers, RowsInTheTailAreNamedAndKept) {
-    std::mt19937_64 random(8);
-    std::uniform_real_distribution<double> uniform(-1, 1);
-    std::normal_distribution<double> noise(0, 1e-2);
-    std::student_t_distribution<double> tail(2);
-    Labelled labelled;
-    labelled.name = "tail.csv";
-    labelled.channels = {"A", "B", "C"};
-    for (int i = 0; i < 3000; ++i) {
-        const double fx = uniform(random), fz = uniform(random), e = 0.02 * tail(random);
-        labelled.rows.push_back({.line = i + 2,
-                                 .channel = {fx + noise(random) + e, fz + noise(random) - e, fx - fz + noise(random) + e},
-                                 .wrench_S = {fx, kNaN, fz, kNaN, kNaN, kNaN}});
+    std::size_t named = 0;
+    for (unsigned seed = 1; seed <= 10; ++seed) {
+        std::mt19937_64 random(seed);
+        std::uniform_real_distribution<double> uniform(-1, 1);
+        std::normal_distribution<double> noise(0, 1e-2);
+        std::student_t_distribution<double> tail(2);
+        Labelled labelled;
+        labelled.name = "tail.csv";
+        labelled.channels = {"A", "B", "C"};
+        for (int i = 0; i < 3000; ++i) {
+            const double fx = uniform(random), fz = uniform(random), e = 0.02 * tail(random);
+            labelled.rows.push_back(
+                {.line = i + 2,
+                 .channel = {fx + noise(random) + e, fz + noise(random) - e, fx - fz + noise(random) + e},
+                 .wrench_S = {fx, kNaN, fz, kNaN, kNaN, kNaN}});
+        }
+        const FitReport report = fit(labelled, by("matrix"));
+        named += report.suspects.size();
+        EXPECT_TRUE(lines_of(report, true).empty()) << seed << ": " << lines_of(report, true).size();
+        EXPECT_EQ(report.calibration.rows, 3000);
     }
-    const FitReport report = fit(labelled, by("matrix"));
-    EXPECT_FALSE(report.suspects.empty());
-    EXPECT_TRUE(lines_of(report, true).empty()) << lines_of(report, true).size();
-    EXPECT_EQ(report.calibration.rows, 3000);
+    EXPECT_GT(named, 10u);
 }
 
 // A mistyped load that is kept, because it is at the end of the range, does not hide another one.
 TEST(Outliers, AKeptLoadDoesNotHideOthers) {
-    Labelled labelled = Cell(7).recording(1, 4, 0, 1e-4);
-    labelled.rows[25].wrench_S[1] = 82;   // N, beyond all others
-    labelled.rows[47].wrench_S[1] = -20;  // is another
-    const FitReport report = fit(labelled, by("matrix"));
-    EXPECT_EQ(lines_of(report, true).count(49), 1u);
+    for (const double greatest : {70.0, 82.0, 90.0}) {
+        Labelled labelled = Cell(7).recording(1, 4, 0, 1e-4);
+        labelled.rows[45].wrench_S[1] = greatest;  // N, is 50, the greatest one
+        labelled.rows[62].wrench_S[1] = -23;       // is 0
+        const FitReport report = fit(labelled, by("matrix"));
+        EXPECT_EQ(lines_of(report), (std::set<std::int64_t>{47, 64})) << greatest;
+        EXPECT_EQ(lines_of(report, true), (std::set<std::int64_t>{64})) << greatest;
+    }
 }
 
 TEST(Outliers, WhereManyDisagreeAllStay) {
