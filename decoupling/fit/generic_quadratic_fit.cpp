@@ -1,5 +1,6 @@
-// Model "generic", method "quadratic": least squares of all products of two channels. Where the products repeat each
-// other and fit noise, a ridge, or no correction at all, has a smaller error on stretches of rows that are left out.
+// Model "generic", method "quadratic": least squares of all products of two channels. A ridge, or no
+// correction at all, is taken if its error on stretches of rows that are left out is smaller: products that repeat each
+// other fit noise.
 #include <fmt/format.h>
 
 #include <algorithm>

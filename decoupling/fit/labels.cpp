@@ -19,8 +19,8 @@ constexpr double kLargestLoad = 1e12;        // N or Nm; its inverse is the mini
 constexpr double kNoPress = 0.02;            // relative to the largest pull
 // Distance of a mark for a missing value over the range of all other labels; the second if it consists of nines.
 constexpr double kMarkBeyond = 15, kNinesBeyond = 2;
-constexpr double kUsual[] = {1000, 100};  // N, Nm: more is rare in a gripper, and usual for grams or millinewtons
-constexpr double kLongArm_m = 1;          // of a moment over a force
+constexpr double kUsual[] = {1000, 100};  // N, Nm: more is rare in a gripper, and usual for grams or mN
+constexpr double kLongArm_m = 1;          // a moment over a force
 
 // 99, 999, -9999 ...
 bool is_nines(double label) {

@@ -69,7 +69,7 @@ void check_channel(const Labelled& labelled, const Rows& rows, std::size_t k, st
         rises = rises && (i == 0 || rows[i]->channel[k] > rows[i - 1]->channel[k]);
     }
     std::sort(values.begin(), values.end());
-    std::vector<std::pair<double, std::size_t>> count;  // of each value, in their order
+    std::vector<std::pair<double, std::size_t>> count;  // sorted values with their counts
     for (const double value : values) {
         if (count.empty() || count.back().first != value) count.emplace_back(value, 0);
         ++count.back().second;

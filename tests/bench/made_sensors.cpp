@@ -156,7 +156,7 @@ struct Sensor {
                 if (response == Response::saturating) x = limit[k] * std::tanh(x / limit[k]);
                 play[k] = std::clamp(play[k], x - loop[k], x + loop[k]);
                 if (response == Response::backlash) x = play[k];
-                // An Ornstein-Uhlenbeck process: the zero wanders with a standard deviation of `drift` over a 20th of the
+                // The zero wanders with a standard deviation of `drift` over a 20th of the
                 // rows.
                 const double turn = std::min(1.0, 20.0 / double(rows));
                 wander[k] = (1 - turn) * wander[k] + drift * std::sqrt(turn * (2 - turn)) * normal(random);
