@@ -57,14 +57,33 @@ std::vector<std::string> bit_names(const char* cell, std::uint32_t bits, bool co
     return names;
 }
 
+// Returns a line where a link's bytes arrive and no frame of them was ever good; else "".
+std::string refused_line(const Segment& segment, std::uint32_t sensor, const tactiled_sample& newest) {
+    if (newest.quality == TACTILED_GOOD || newest.quality == TACTILED_UNCERTAIN) return "";
+    for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
+        const auto& link = segment.link(i);
+        if (std::string_view(link.name) != segment.sensor(sensor).link) continue;
+        const auto count = [&](tactiled_link_count kind) { return __atomic_load_n(&link.count[kind], __ATOMIC_RELAXED); };
+        if (count(TACTILED_LINK_BYTES) == 0 || count(TACTILED_LINK_FRAMES) != 0) return "";
+        for (const auto kind : {TACTILED_LINK_BAD_CHECKSUM, TACTILED_LINK_BAD_LENGTH, TACTILED_LINK_BAD_VALUE})
+            if (count(kind) != 0)
+                return fmt::format(
+                    "{}: bytes arrive, and every frame of them is refused ({} {}): tactilectl identify shows "
+                    "the [[link]] that reads them\n",
+                    segment.sensor(sensor).name, kLinkCountNames[kind], count(kind));
+        return "";
+    }
+    return "";
+}
+
 std::string as_text(const Segment& segment, const Snapshot& snapshot) {
     const auto& h = segment.header();
     const Liveness liveness = liveness_of(segment);
     const auto& node = snapshot.node;
     const Lateness late = segment.lateness();
     std::string out = fmt::format(
-        "{}  tactiled {}  pid {}  epoch {}  heartbeat {}  worst cycle {} us  woken late by {:.0f} us, p99 {:.0f}  "
-        "missed {}{}{}{}\n",
+        "{}  tactiled {}  pid {}  epoch {}  heartbeat {}  longest cycle {} us  woken {:.0f} us late, p99 {:.0f} us  "
+        "{} cycles missed{}{}{}\n",
         h.name, h.version, h.pid, h.epoch, node.heartbeat, node.worst_cycle_us, lateness_quantile_ns(late, 0.5) / 1000,
         lateness_quantile_ns(late, 0.99) / 1000, node.missed_cycles,
         (node.status & TACTILED_RT_DEGRADED) != 0 ? "  RT_DEGRADED" : "",
@@ -83,7 +102,10 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
                            coloured(s.quality, quality_text(s.quality, s.reasons)));
     }
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
-        out += remedy_lines(segment.sensor(i).name, snapshot.sensor[i].reasons);
+        if (const std::string refused = refused_line(segment, i, snapshot.sensor[i]); !refused.empty())
+            out += refused;
+        else
+            out += remedy_lines(segment.sensor(i).name, snapshot.sensor[i].reasons);
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
         out += fmt::format("age of {}: proved by {}\n", segment.sensor(i).name, freshness_of(segment, i));
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += auto_lines(segment, i, snapshot.sensor[i]);

@@ -75,9 +75,8 @@ class Installed(unittest.TestCase):
         return [line for line in out.splitlines() if line.endswith(" N")]
 
     def test_pkg_config_builds_the_c_example(self):
-        """The prefix in pkg-config is the configured one: it is replaced here, as in a cross build."""
         where = {**os.environ, "PKG_CONFIG_PATH": str(self.prefix / "share/pkgconfig")}
-        words = subprocess.run(["pkg-config", f"--define-variable=prefix={self.prefix}", "--cflags", "tactiled >= 0.1"], env=where,
+        words = subprocess.run(["pkg-config", "--cflags", "tactiled >= 0.1"], env=where,
                                capture_output=True, text=True, check=True).stdout.split()
         for standard in ("-std=gnu11", "-std=gnu17"):
             subprocess.run(["cc", "-Wall", "-Wextra", "-Werror", standard, *words, self.folder / "example.c", "-o",
@@ -96,6 +95,21 @@ class Installed(unittest.TestCase):
                                   f"-DCMAKE_PREFIX_PATH={self.prefix}"], capture_output=True, text=True)
         self.assertNotEqual(refused.returncode, 0)
         (self.folder / "CMakeLists.txt").write_text(CMAKE)
+
+    def test_the_examples_name_a_wrong_sensor(self):
+        """The one on the page, table, is a word of theirs: a user types another one."""
+        for file, compiler in (("wrong.c", ["cc", "-std=gnu11"]), ("wrong.cpp", ["c++", "-std=c++17"])):
+            source = example(file.split(".")[1], self.daemon.name).replace('"table"', '"tabel"')
+            (self.folder / file).write_text(source)
+            subprocess.run([*compiler, f"-I{self.prefix}/include", self.folder / file, "-o", self.folder / "wrong"], check=True)
+            seen = subprocess.run([self.folder / "wrong"], capture_output=True, text=True, timeout=30)
+            self.assertEqual(seen.stdout, "")
+            self.assertIn('has no sensor "tabel"', seen.stderr, file)
+        source = example("python", self.daemon.name).replace('"table"', '"tabel"')
+        seen = subprocess.run(["/usr/bin/python3", "-c", source], env={**os.environ, "PYTHONPATH": str(ROOT / "node/python")},
+                              capture_output=True, text=True, timeout=30)
+        self.assertNotEqual(seen.returncode, 0)
+        self.assertIn('has no sensor "tabel"; it has: table', seen.stderr)
 
     def build_32_bit(self, source, *flags):
         program = self.folder / "c32"
