@@ -120,6 +120,8 @@ private:
     std::uint64_t opened_ns_ = 0;   // host time; 0: not known, or a frame has come since
     double wait_ns_ = kMaxWait_ns;  // shortest time from an opening to its first frame
 
+    bool is_resonator_ = false;             // bound_ allows for a clock like that of a ceramic resonator
+    bool is_no_clock_ = false;              // and it was faster still: its unit is another one
     std::uint64_t device_time_us_ = 0;      // the latest one
     double late_ns_ = 0, interval_us_ = 0;  // lateness of the frame before; mean interval of the device's times
 
@@ -160,6 +162,11 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
         proof_ = Proof::polled;
         return;
     }
+    // The last frame again, from a server that sends it to each client: it is not the first one of the new connection.
+    if (is_reopened_ && frame.has_sequence && frame.sequence == sequence_) {
+        frame.age = Frame::Age::unproved;
+        return;
+    }
     if (route_.device_clock && frame.device_time_us != 0)
         by_clock(frame, host_ns);
     else if (has_clock_)  // without its time for once
@@ -193,6 +200,7 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
         const double ppm = cable ? std::max(route_.clock_ppm, kResonator_ppm) : route_.clock_ppm;
         bound_ = AgeBound({.max_drift = ppm * 1e-6, .wander = cable ? 500e-6 : ppm * 0.2e-6, .wrap_ns = kWrap_ns});
         has_clock_ = true;
+        is_resonator_ = cable;
         is_unproved_ = false;
     }
     proof_ = Proof::clock;
@@ -243,20 +251,28 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
                                 route_.path == Route::Path::network &&
                                 bound_.silence_before_set_back_ns() > kLate_ns + interval_us_ * 1e3;
     const bool too_fast = bound_.is_too_fast() && route_.path == Route::Path::network;
-    is_unproved_ = is_unproved_ || leapt || may_have_begun || too_fast;
-    if (has_discarded(late)) {
+    // A path that has discarded a lag makes the frames as late as they were before it, and not earlier.
+    const bool leapt_meanwhile = is_reopened_ && late_ns_ > kLate_ns && bound_.has_fallen() && !began &&
+                                 route_.path == Route::Path::network;
+    is_no_clock_ = is_no_clock_ || bound_.is_no_clock() || (bound_.is_too_fast() && is_resonator_);
+    is_unproved_ = is_unproved_ || leapt || leapt_meanwhile || may_have_begun || too_fast || is_no_clock_;
+    if (has_discarded(late) && !leapt_meanwhile && !is_no_clock_) {
         is_unproved_ = false;
+        bound_.end_fall();
         if (too_fast) {  // this frame is on time: the drift is learned anew, as that of a resonator
             bound_ =
                 AgeBound({.max_drift = kResonator_ppm * 1e-6, .wander = route_.clock_ppm * 0.2e-6, .wrap_ns = kWrap_ns});
             late = bound_.late_ns(host_ns, frame.device_time_us * 1000);
+            is_resonator_ = true;
         }
     }
     const double waited_ns =
         frame.since_ns != 0 && frame.since_ns < frame.taken_ns ? double(frame.taken_ns - frame.since_ns) : 0;
     late_ns_ = std::max(late - waited_ns, 0.0);  // by the path
     backdate(frame, late);
-    if (is_unproved_) frame.age = Frame::Age::unproved;
+    // On a cable the clock is a second look, and such a clock sees nothing.
+    if (route_.path == Route::Path::direct && (bound_.is_too_fast() || is_no_clock_)) return by_cable(frame);
+    if (is_unproved_ || (bound_.is_falling() && route_.path == Route::Path::network)) frame.age = Frame::Age::unproved;
     put_trouble(late > stale_ns_ || is_unproved_, host_ns);
 }
 
@@ -339,7 +355,16 @@ inline bool StreamAge::has_settled(double late, std::uint64_t host_ns) noexcept 
 inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept {
     proof_ = Proof::sequence;
     const double silence_ns = has_frame_ ? double(host_ns - host_ns_) : 0;
-    const double advance = has_frame_ ? frames_since(frame, silence_ns) : 0;
+    double advance = has_frame_ ? frames_since(frame, silence_ns) : 0;
+    // A counter that begins again without a silence has passed an end that the format does not state, such as 99, and one that
+    // leaps without a silence was damaged. The lag that there was is there still.
+    if (has_frame_ && !is_reopened_ && silence_ns <= kLate_ns + period_ns_) {
+        const double passed = period_ns_ > 0 ? silence_ns / period_ns_ : frame.sequence + 1.0;
+        if (advance == 0)
+            advance = std::min(frame.sequence + 1.0, std::ceil(passed + kLate_ns / std::max(period_ns_, 1.0)));
+        else if (period_ns_ > 0 && late_ns_ + silence_ns - advance * period_ns_ < -2 * kLate_ns)
+            advance = std::max(1.0, std::nearbyint(passed));
+    }
     sequence_ = frame.sequence;
     if (!has_frame_) learn_ns_ = host_ns;
     double late = 0;
@@ -391,13 +416,14 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
     const bool may_have_waited = has_waited(host_ns) && (!late_is_known || range_ns(frame) < kShortCounter_ns);
     if (is_unproved_ && had_paused && has_discarded(late) && !may_have_waited) {
         bound_.restart();
+        bound_.end_fall();
         late = 0;
         is_unproved_ = must_reopen_ = false;
         known_ns_ = learn_ns_ = host_ns;
         learn_frames_ = 0;
     }
     late_ns_ = late;
-    frame.age = is_unproved_ ? Frame::Age::unproved : Frame::Age::proved;
+    frame.age = is_unproved_ || (late_is_known && bound_.is_falling()) ? Frame::Age::unproved : Frame::Age::proved;
     if (!is_unproved_) {
         punctual_ns_ = host_ns;
         backdate(frame, late);
