@@ -111,9 +111,9 @@ public:
     [[nodiscard]] bool has_wrapped() const noexcept { return has_wrapped_; }
     // The last frame came much earlier than any before: a lag since the start has ended, or the clock was set.
     [[nodiscard]] bool has_fallen() const noexcept { return has_fallen_; }
-    // The reference has fallen by more than 50 ms within about as much of the host's time: frames that had been kept while the
-    // host's clock stood still (a virtual machine), or since before the first one, come one after the other. Until that is
-    // over, the frames are older than they seem. rt: wait-free
+    // The reference has fallen by more than 50 ms within about as much of the host's time: frames that had been kept while
+    // the host's clock stood still (a virtual machine), or since before the first one, come one after the other. Until that
+    // is over, the frames are older than they seem. rt: wait-free
     [[nodiscard]] bool is_falling() const noexcept { return falling_ns_ > kFalling_ns; }
     // The last frame is known to be on time. rt: wait-free
     void end_fall() noexcept { falling_ns_ = 0; }
@@ -140,7 +140,7 @@ private:
     static constexpr double kFalling_ns = 50e6, kMaxFalling_ns = 100e6;
     // So many within minutes are no setting of a clock.
     static constexpr double kMaxJumps = 8, kJumpsForgotten = 1 / 60e9, kOneJump_ns = 0.5e9;
-    static constexpr double kSetBack_ns = 2e9;   // a clock that has gone back and stays so for this time was set back
+    static constexpr double kSetBack_ns = 2e9;  // a clock that has gone back and stays so for this time was set back
     static constexpr double kEarlyWrap_ns = 1073741824e3;  // 2^30 us
     static constexpr double kWrapError_ns = 50e6;          // by which two delays differ that are no lag
 
@@ -278,10 +278,10 @@ private:
     double lowered_ns_ = 0;  // sum by which the reference was lowered, as far as neither drift nor jumps explain it
     double excess_ns_ = 0;   // by which a clock that is too fast may have lowered it since
     bool is_too_fast_ = false, has_fallen_ = false, is_no_clock_ = false;
-    double falling_ns_ = 0;  // sum of the falls, less the host's time since
+    double falling_ns_ = 0;      // sum of the falls, less the host's time since
     double last_jump_ = -1e300;  // t_ of it
-    double jumps_ = 0;       // falls that no rate explains; one is forgotten each minute
-    double other_wrap_ns_ = 0;  // last value of back_ns_; 0: none
+    double jumps_ = 0;           // falls that no rate explains; one is forgotten each minute
+    double other_wrap_ns_ = 0;   // last value of back_ns_; 0: none
     bool wraps_early_ = false, has_wrapped_ = false;
     unsigned set_back_ = 0;
     double window_begin_ = 0, window_ns_ = kMinWindow_ns, window_min_ = 1e300;

@@ -23,7 +23,7 @@ inline StreamAge::ClockStep StreamAge::clock_step(const Frame& frame, std::uint6
     // Decoders take a clock that begins again in the second half of its 32 bits for one that has passed its end.
     const std::uint64_t booted_us = frame.device_time_us & 0xFFFFFFFF;
     step.booted_us = double(booted_us);
-    const auto ahead_us = double(frame.device_time_us - device_time_us_);  // where it has not gone back
+    const auto ahead_us = double(frame.device_time_us - device_time_us_);  // if it has not gone back
     step.went_back = frame.device_time_us < device_time_us_ ||
                      (frame.device_time_us >> 32 != device_time_us_ >> 32 && ahead_us > step.silence_us + 1e6);
     // The clock of a device that restarted is small, too: else a short counter shows an old frame, or that a path has

@@ -101,7 +101,7 @@ inline double StreamAge::late_while_learning(double advance, double silence_ns, 
     if (max_period_ns_ > 0 && double(host_ns - learn_ns_) - (learn_frames_ + advance) * max_period_ns_ > kLate_ns)
         is_unproved_ = true;
     if (!is_unproved_) learn_rate(advance, host_ns);  // a rate over a silence, or a backlog, is not the device's
-    return is_reopened_ && advance * mean_ns < silence_ns / 2 ? silence_ns + kLate_ns : 0;  // nothing was discarded
+    return is_reopened_ && advance * mean_ns < silence_ns / 2 ? silence_ns + kLate_ns : 0;  // the path discarded nothing
 }
 
 inline double StreamAge::late_by_counter(const Frame& frame, double advance, double silence_ns,

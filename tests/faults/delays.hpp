@@ -22,7 +22,7 @@ struct Kind {
 
 inline double between(std::mt19937_64& random, double a, double b) { return a + (b - a) * double(random() >> 11) * 0x1p-53; }
 
-extern const std::vector<Kind> kKinds;     // of a path, and changes of a device
+extern const std::vector<Kind> kKinds;     // paths and changes of a device
 extern const std::vector<Kind> kOddKinds;  // devices, servers and machines that differ from what the formats expect
 
 // Episodes to which a test or another kind refers.

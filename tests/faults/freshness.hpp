@@ -154,8 +154,7 @@ private:
     };
 
     void open() {
-        age_.open({stream_.path, true, stream_.reopening_discards, 200},
-                  host_ns(std::max(closed_until_s_, now_s_)));
+        age_.open({stream_.path, true, stream_.reopening_discards, 200}, host_ns(std::max(closed_until_s_, now_s_)));
         lines_.reset();
         cobs_.reset();
         opening_ = true;

@@ -10,7 +10,8 @@ namespace {
 struct Clocks {
     double late(double delay_ms = 1, double step_ms = 10) {
         measured_ms += step_ms;
-        return bound.late_ns(std::uint64_t((measured_ms + delay_ms) * 1e6), std::uint64_t((measured_ms + set_ms) * 1e6)) * 1e-6;
+        return bound.late_ns(std::uint64_t((measured_ms + delay_ms) * 1e6), std::uint64_t((measured_ms + set_ms) * 1e6)) *
+               1e-6;
     }
     void run(int frames, double delay_ms = 1) {
         for (int i = 0; i < frames; ++i) (void)late(delay_ms);

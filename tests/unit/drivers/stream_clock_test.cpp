@@ -160,7 +160,8 @@ TEST(StreamAge, AClockThatCountsInAnotherUnitProvesNothing) {
             Device device(connection());
             device.clock_scale = scale;
             for (int i = 0; i < 3000; ++i) (void)device.next(1, period_ms);
-            for (int i = 0; i < 300; ++i) ASSERT_EQ(device.next(3000, period_ms).age, Age::unproved) << scale << period_ms << i;
+            for (int i = 0; i < 300; ++i)
+                ASSERT_EQ(device.next(3000, period_ms).age, Age::unproved) << scale << period_ms << i;
             for (int i = 0; i < 2; ++i) {  // the first time, it may still be that of a resonator
                 device.open(connection());
                 (void)device.next(1, 3000 + period_ms);
