@@ -138,7 +138,7 @@ private:
     static constexpr double kTooFast_ns = 60e6;  // a fall of kFall_ns, then delays that differ by less than 40 ms
     static constexpr double kJump_ns = 100e6;    // no rate explains such a fall within one frame
     static constexpr double kFalling_ns = 50e6, kMaxFalling_ns = 100e6;
-    // So many within minutes are no setting of a clock.
+    // A clock is not set eight times within minutes.
     static constexpr double kMaxJumps = 8, kJumpsForgotten = 1 / 60e9, kOneJump_ns = 0.5e9;
     static constexpr double kSetBack_ns = 2e9;  // a clock that has gone back and stays so for this time was set back
     static constexpr double kEarlyWrap_ns = 1073741824e3;  // 2^30 us
@@ -279,7 +279,7 @@ private:
     double excess_ns_ = 0;   // by which a clock that is too fast may have lowered it since
     bool is_too_fast_ = false, has_fallen_ = false, is_no_clock_ = false;
     double falling_ns_ = 0;      // sum of the falls, less the host's time since
-    double last_jump_ = -1e300;  // t_ of it
+    double last_jump_ = -1e300;  // its time t_
     double jumps_ = 0;           // falls that no rate explains; one is forgotten each minute
     double other_wrap_ns_ = 0;   // last value of back_ns_; 0: none
     bool wraps_early_ = false, has_wrapped_ = false;

@@ -92,7 +92,7 @@ private:
     struct ClockStep {
         double silence_us = 0, booted_us = 0;  // host's time since the frame before; the clock, if it began at 0
         bool ended = false, went_back = false;
-        bool counter_began = false, clock_began = false;  // as if the device had restarted
+        bool counter_began = false, clock_began = false;  // the device seems to have restarted
         bool leapt = false;
     };
 
