@@ -44,11 +44,10 @@ public:
         has_fallen_ = false;
         const auto step = double(std::int64_t(host_ns - host_ns_));
         auto ahead = double(std::int64_t(device_ns - device_ns_));
-        if (double(device_ns) > kEarlyWrap_ns) wraps_early_ = false;
-        if (limits_.wrap_ns > 0) {  // the number of wraps that is closest to the host's time
-            const double wrap_ns = wraps_early_ ? kEarlyWrap_ns : limits_.wrap_ns;
+        if (wraps_early_ && double(device_ns) > kEarlyWrap_ns) wraps_early_ = false;
+        const double wrap_ns = wraps_early_ ? kEarlyWrap_ns : limits_.wrap_ns;
+        if (wrap_ns > 0 && std::abs(step - ahead) > wrap_ns / 2)  // the number of wraps that is closest to the host's time
             ahead += wrap_ns * std::nearbyint((step - ahead) / wrap_ns);
-        }
         has_wrapped_ = false;
         if (limits_.wrap_ns > 0 && !wraps_early_ && is_early_wrap(device_ns_, device_ns)) {
             ahead += kEarlyWrap_ns;
@@ -87,7 +86,7 @@ public:
     // decoder, which knows 32 bits. rt: wait-free
     [[nodiscard]] static bool is_early_wrap(std::uint64_t before_ns, std::uint64_t after_ns) noexcept {
         constexpr auto kEnd_ns = std::uint64_t(kEarlyWrap_ns);
-        return before_ns < kEnd_ns && before_ns > kEnd_ns - 5'000'000'000 && after_ns < 20'000'000'000;
+        return after_ns < 20'000'000'000 && before_ns < kEnd_ns && before_ns > kEnd_ns - 5'000'000'000;
     }
 
     // The next frames are known to be on time: the reference is learned anew. The slope is kept. rt: wait-free
@@ -114,7 +113,7 @@ public:
     // The reference has fallen by more than 50 ms within about as much of the host's time: frames that had been kept while
     // the host's clock stood still (a virtual machine), or since before the first one, come one after the other. Until that
     // is over, the frames are older than they seem. rt: wait-free
-    [[nodiscard]] bool is_falling() const noexcept { return falling_ns_ > kFalling_ns; }
+    [[nodiscard]] bool is_falling() const noexcept { return falling_ns_ - (t_ - fell_at_) > kFalling_ns; }
     // The last frame is known to be on time. rt: wait-free
     void end_fall() noexcept { falling_ns_ = 0; }
     // The device's clock has run ahead in jumps, so often that it cannot have been set: its unit is not what was stated. It
@@ -181,8 +180,6 @@ private:
         // A silence gives no information on the drift.
         if (step > kMaxWindow_ns) reference_ += uncertainty_ * (is_held_ ? limits_.held_share : 1.0) * step;
         excess_ns_ = std::min(excess_ns_ + limits_.excess * step, kFall_ns);
-        falling_ns_ = std::max(falling_ns_ - step, 0.0);
-        jumps_ = std::max(jumps_ - step * kJumpsForgotten, 0.0);
         explain(uncertainty_ * step);
         if (has_wrapped_) lowered_ns_ = -kWrapError_ns;  // the period is known so well
         if (x_ < reference_) lower(step);
@@ -203,14 +200,17 @@ private:
         excess_ns_ -= counted;
         lowered_ns_ += counted;
         is_too_fast_ = is_too_fast_ || lowered_ns_ > kTooFast_ns;
-        falling_ns_ = std::clamp(falling_ns_ + fall - 2 * uncertainty_ * step, 0.0, kMaxFalling_ns);
+        const double falling_ns = std::max(falling_ns_ - (t_ - fell_at_), 0.0) + fall - 2 * uncertainty_ * step;
+        falling_ns_ = std::clamp(falling_ns, 0.0, kMaxFalling_ns);
+        fell_at_ = t_;
         if (fall > kFall_ns || is_falling()) {  // a lag since the start has ended, or the clock was set forward
             has_fallen_ = true;
             if (fall > kJump_ns + limits_.excess * step) {
                 lowered_ns_ = 0;
                 if (t_ - last_jump_ > kOneJump_ns) {  // a backlog that came at once is one
+                    jumps_ = std::max(jumps_ - (t_ - last_jump_) * kJumpsForgotten, 0.0) + 1;
                     last_jump_ = t_;
-                    is_no_clock_ = is_no_clock_ || ++jumps_ > kMaxJumps;
+                    is_no_clock_ = is_no_clock_ || jumps_ > kMaxJumps;
                 }
             }
             begin_again();
@@ -278,10 +278,10 @@ private:
     double lowered_ns_ = 0;  // sum by which the reference was lowered, as far as neither drift nor jumps explain it
     double excess_ns_ = 0;   // by which a clock that is too fast may have lowered it since
     bool is_too_fast_ = false, has_fallen_ = false, is_no_clock_ = false;
-    double falling_ns_ = 0;      // sum of the falls, less the host's time since
-    double last_jump_ = -1e300;  // its time t_
-    double jumps_ = 0;           // falls that no rate explains; one is forgotten each minute
-    double other_wrap_ns_ = 0;   // last value of back_ns_; 0: none
+    double falling_ns_ = 0, fell_at_ = 0;  // sum of the falls, less the time since, at this t_
+    double last_jump_ = -1e300;            // its time t_
+    double jumps_ = 0;                     // falls that no rate explains; one is forgotten each minute
+    double other_wrap_ns_ = 0;             // last value of back_ns_; 0: none
     bool wraps_early_ = false, has_wrapped_ = false;
     unsigned set_back_ = 0;
     double window_begin_ = 0, window_ns_ = kMinWindow_ns, window_min_ = 1e300;

@@ -79,7 +79,7 @@ inline bool StreamAge::has_settled(double late, std::uint64_t host_ns) noexcept 
 inline double StreamAge::advance_of(const Frame& frame, double silence_ns) const noexcept {
     if (!has_frame_) return 0;
     const double advance = frames_since(frame, silence_ns);
-    if (is_reopened_ || silence_ns > kLate_ns + period_ns_) return advance;
+    if (advance == 1 || is_reopened_ || silence_ns > kLate_ns + period_ns_) return advance;
     const double passed = period_ns_ > 0 ? silence_ns / period_ns_ : frame.sequence + 1.0;
     if (advance == 0) return std::min(frame.sequence + 1.0, std::ceil(passed + kLate_ns / std::max(period_ns_, 1.0)));
     const bool leapt = period_ns_ > 0 && late_ns_ + silence_ns - advance * period_ns_ < -2 * kLate_ns;

@@ -165,6 +165,17 @@ TEST(StreamAge, ALagThatBeginsWhileTheDeviceRestartsIsNotProvedUntilTheConnectio
         }
 }
 
+// As a board that opening its port resets.
+TEST(StreamAge, ADeviceOnACableThatCountsFromZeroAfterEachOpeningIsProved) {
+    Device device(cable(), false);
+    for (int i = 0; i < 3; ++i) {
+        device.sequence = 0;
+        EXPECT_EQ(device.next(1, 3000).age, Age::proved);
+        device.run(100);
+        device.open(cable());
+    }
+}
+
 TEST(StreamAge, ACableWhoseClockCountsInAnotherUnitIsBoundByItsBuffers) {
     Device device(cable());
     device.clock_scale = 10;
