@@ -121,6 +121,8 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
     const double advance = advance_of(frame, silence_ns);
     sequence_ = frame.sequence;
     if (!has_frame_) learn_ns_ = host_ns;
+    // The counter may have passed its end any number of times, and does not show how long the path held this frame.
+    if (has_waited(host_ns) && silence_ns > range_ns(frame) / 2) must_reopen_ = true;
     bool late_is_known = period_ns_ > 0;
     double late = late_is_known ? late_by_counter(frame, advance, silence_ns, host_ns)
                                 : late_while_learning(advance, silence_ns, host_ns);
