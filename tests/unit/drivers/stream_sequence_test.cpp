@@ -120,19 +120,19 @@ TEST(StreamAge, AShortCounterThatSeemsToHaveLostALagHasNotCaughtUp) {
     }
 }
 
-// The range of 8 bits is 2.56 s. The link goes down between the opening and the first frame, which is late by its range.
+// The range of 7 bits is 1.28 s. The link goes down between the opening and the first frame, which is late by its range.
 TEST(StreamAge, AShortCounterDoesNotProveAFirstFrameThatTookLongerThanEver) {
     Device device(connection(), false);
-    device.bits = 8;
+    device.bits = 7;
     device.age.open(connection(), device.measured_ns);
     device.run(1000);
     device.age.open(connection(), device.measured_ns + 200 * kMs);
     device.sequence += 20;
-    EXPECT_EQ(device.next(2560, 210).age, Age::unproved);
-    for (int i = 0; i < 300; ++i) ASSERT_EQ(device.next(2560).age, Age::unproved) << i;
-    device.age.open(connection(), device.measured_ns + 2760 * kMs);
-    device.sequence += 275;
-    EXPECT_EQ(device.next(1, 2770).age, Age::proved);
+    EXPECT_EQ(device.next(1280, 210).age, Age::unproved);
+    for (int i = 0; i < 300; ++i) ASSERT_EQ(device.next(1280).age, Age::unproved) << i;
+    device.age.open(connection(), device.measured_ns + 1480 * kMs);
+    device.sequence += 147;
+    EXPECT_EQ(device.next(1, 1480).age, Age::proved);
 }
 
 // The server sends the last frame to each new connection.
