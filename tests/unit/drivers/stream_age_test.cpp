@@ -165,7 +165,7 @@ TEST(StreamAge, ALagThatBeginsWhileTheDeviceRestartsIsNotProvedUntilTheConnectio
         }
 }
 
-// As a board that opening its port resets.
+// Opening the port resets the board.
 TEST(StreamAge, ADeviceOnACableThatCountsFromZeroAfterEachOpeningIsProved) {
     Device device(cable(), false);
     for (int i = 0; i < 3; ++i) {

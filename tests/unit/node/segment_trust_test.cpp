@@ -96,7 +96,7 @@ TEST_F(TrustTest, AFolderInsideOfAnotherUsersIsRefused) {
     EXPECT_EQ(why(inner), "open");  // the file of root in a folder of a user, who owns the folder above, too
     ASSERT_EQ(::chown(inner.c_str(), 1234, 1234), 0);
     EXPECT_TRUE(refused(inner, "inside the folder of another user"));
-    ASSERT_EQ(::chown(middle.c_str(), 1234, 1234), 0);  // who owns the folder above, too, but not the one above that
+    ASSERT_EQ(::chown(middle.c_str(), 1234, 1234), 0);  // the same user owns b and c, another one a
     EXPECT_TRUE(refused(inner, "inside the folder of another user"));
 }
 
