@@ -104,12 +104,13 @@ class Depths(Witnessed):
 
                 def held_and_late(number, stage=stage, hold_s=hold_s, lag_s=lag_s):
                     chain, (end, fields) = chains[number], about[number]
+                    # On a busy machine the connection may be opened again while the relay holds its lines.
+                    chain.tell(f"keep {int(fields == 'sequence' and end == 'tcp')}", stage)
                     chain.tell(f"hold {hold_s}", stage)
                     seen = [chain.watch(hold_s + 1.5)]
                     # Without a clock, a connection that is opened again hides the delay of a relay that drops what is due
                     # meanwhile, and with neither clock nor counter that of any (drivers/wire/freshness.md).
                     if end == "pty" or "clock" in fields or (fields == "sequence" and stage == 2):
-                        chain.tell(f"keep {int(fields == 'sequence' and end == 'tcp')}", stage)
                         chain.tell(f"lag {lag_s}", stage)  # a relay as fast as the device: it never catches up
                         seen.append(chain.watch(lag_s + 2))
                         chain.tell("lag 0", stage)
