@@ -100,6 +100,9 @@ public:
     }
 
     Route route() const noexcept override { return {.path = Route::Path::polled}; }
+    std::string freshness() const override {
+        return "request (each frame answers a request; a gateway must not answer from a cache)";
+    }
 
     void close() noexcept override {
         if (fd_ >= 0) ::close(fd_);

@@ -38,6 +38,11 @@ void answer(int client, std::string_view text) {
     [[maybe_unused]] const auto sent = ::send(client, text.data(), text.size(), MSG_NOSIGNAL);
 }
 
+bool has_hung_up(int client) {
+    pollfd p{client, POLLRDHUP, 0};
+    return ::poll(&p, 1, 0) == 1;
+}
+
 // Returns the command of NODE weigh for its word.
 std::optional<Command> weigh_command(const std::string& word) {
     Command command;
@@ -148,6 +153,10 @@ void ControlSocket::serve() noexcept {
 void ControlSocket::take(int client) {
     char request[128];
     const ssize_t size = wait_readable(client, kLookMs) ? ::recv(client, request, sizeof request, 0) : 0;
+    if (has_hung_up(client)) {  // it has given up, for example because this process was stopped: the command is not wanted
+        ::close(client);
+        return;
+    }
     std::istringstream words(std::string(request, std::size_t(std::max<ssize_t>(size, 0))));
     std::string node, verb, mask, more;
     words >> node >> verb >> mask >> more;

@@ -44,14 +44,16 @@ public:
         has_fallen_ = false;
         const auto step = double(std::int64_t(host_ns - host_ns_));
         auto ahead = double(std::int64_t(device_ns - device_ns_));
-        if (limits_.wrap_ns > 0)  // the number of wraps that is closest to the host's time
-            ahead += limits_.wrap_ns * std::nearbyint((step - ahead) / limits_.wrap_ns);
+        if (wraps_early_ && double(device_ns) > kEarlyWrap_ns) wraps_early_ = false;
+        const double wrap_ns = wraps_early_ ? kEarlyWrap_ns : limits_.wrap_ns;
+        if (wrap_ns > 0 && std::abs(step - ahead) > wrap_ns / 2)  // the number of wraps that is closest to the host's time
+            ahead += wrap_ns * std::nearbyint((step - ahead) / wrap_ns);
         has_wrapped_ = false;
-        if (limits_.wrap_ns > 0 && is_early_wrap(device_ns_, device_ns)) {
+        if (limits_.wrap_ns > 0 && !wraps_early_ && is_early_wrap(device_ns_, device_ns)) {
             ahead += kEarlyWrap_ns;
             wraps_early_ = true;
-        } else if (limits_.wrap_ns > 0 && wraps_early_ && is_early_wrap(device_ns, device_ns_)) {
-            ahead -= kEarlyWrap_ns;  // a frame of before
+            // Ends that had passed unseen, while the link was closed, made the frames late by as much.
+            x_ -= kEarlyWrap_ns * std::nearbyint((x_ - reference_) / kEarlyWrap_ns);
         } else if (limits_.wrap_ns > 0 && ahead < 0 && double(device_ns) < step + kWrapError_ns + 2 * ahead_ns_ &&
                    (std::abs(step - ahead - other_wrap_ns_) < kWrapError_ns || is_other_wrap(step, device_ns))) {
             ahead += other_wrap_ns_;
@@ -84,7 +86,7 @@ public:
     // decoder, which knows 32 bits. rt: wait-free
     [[nodiscard]] static bool is_early_wrap(std::uint64_t before_ns, std::uint64_t after_ns) noexcept {
         constexpr auto kEnd_ns = std::uint64_t(kEarlyWrap_ns);
-        return before_ns < kEnd_ns && before_ns > kEnd_ns - 5'000'000'000 && after_ns < 20'000'000'000;
+        return after_ns < 20'000'000'000 && before_ns < kEnd_ns && before_ns > kEnd_ns - 5'000'000'000;
     }
 
     // The next frames are known to be on time: the reference is learned anew. The slope is kept. rt: wait-free
@@ -108,6 +110,15 @@ public:
     [[nodiscard]] bool has_wrapped() const noexcept { return has_wrapped_; }
     // The last frame came much earlier than any before: a lag since the start has ended, or the clock was set.
     [[nodiscard]] bool has_fallen() const noexcept { return has_fallen_; }
+    // The reference has fallen by more than 50 ms within about as much of the host's time: frames that had been kept while
+    // the host's clock stood still (a virtual machine), or since before the first one, come one after the other. Until that
+    // is over, the frames are older than they seem. rt: wait-free
+    [[nodiscard]] bool is_falling() const noexcept { return falling_ns_ - (t_ - fell_at_) > kFalling_ns; }
+    // The last frame is known to be on time. rt: wait-free
+    void end_fall() noexcept { falling_ns_ = 0; }
+    // The device's clock has run ahead in jumps, so often that it cannot have been set: its unit is not what was stated. It
+    // proves nothing. rt: wait-free
+    [[nodiscard]] bool is_no_clock() const noexcept { return is_no_clock_; }
     // The smallest lateness of the last window shows a lag.
     [[nodiscard]] bool is_held() const noexcept { return is_held_; }
     // Uncertainty of the drift between the clocks, as a fraction.
@@ -125,7 +136,10 @@ private:
     static constexpr double kLag_ns = 10e6;      // the smallest delay of a window does not grow by so much without a lag
     static constexpr double kTooFast_ns = 60e6;  // a fall of kFall_ns, then delays that differ by less than 40 ms
     static constexpr double kJump_ns = 100e6;    // no rate explains such a fall within one frame
-    static constexpr double kSetBack_ns = 2e9;   // a clock that has gone back and stays so for this time was set back
+    static constexpr double kFalling_ns = 50e6, kMaxFalling_ns = 100e6;
+    // A clock is not set eight times within minutes.
+    static constexpr double kMaxJumps = 8, kJumpsForgotten = 1 / 60e9, kOneJump_ns = 0.5e9;
+    static constexpr double kSetBack_ns = 2e9;  // a clock that has gone back and stays so for this time was set back
     static constexpr double kEarlyWrap_ns = 1073741824e3;  // 2^30 us
     static constexpr double kWrapError_ns = 50e6;          // by which two delays differ that are no lag
 
@@ -186,9 +200,19 @@ private:
         excess_ns_ -= counted;
         lowered_ns_ += counted;
         is_too_fast_ = is_too_fast_ || lowered_ns_ > kTooFast_ns;
-        if (fall > kFall_ns) {  // a lag since the start has ended, or the clock was set forward
+        const double falling_ns = std::max(falling_ns_ - (t_ - fell_at_), 0.0) + fall - 2 * uncertainty_ * step;
+        falling_ns_ = std::clamp(falling_ns, 0.0, kMaxFalling_ns);
+        fell_at_ = t_;
+        if (fall > kFall_ns || is_falling()) {  // a lag since the start has ended, or the clock was set forward
             has_fallen_ = true;
-            if (fall > kJump_ns + limits_.excess * step) lowered_ns_ = 0;
+            if (fall > kJump_ns + limits_.excess * step) {
+                lowered_ns_ = 0;
+                if (t_ - last_jump_ > kOneJump_ns) {  // a backlog that came at once is one
+                    jumps_ = std::max(jumps_ - (t_ - last_jump_) * kJumpsForgotten, 0.0) + 1;
+                    last_jump_ = t_;
+                    is_no_clock_ = is_no_clock_ || jumps_ > kMaxJumps;
+                }
+            }
             begin_again();
         }
         reference_ = x_;
@@ -253,8 +277,11 @@ private:
     double first_since_back_ = 0, min_since_back_ = 0;                // x since then, without the drift
     double lowered_ns_ = 0;  // sum by which the reference was lowered, as far as neither drift nor jumps explain it
     double excess_ns_ = 0;   // by which a clock that is too fast may have lowered it since
-    bool is_too_fast_ = false, has_fallen_ = false;
-    double other_wrap_ns_ = 0;  // last value of back_ns_; 0: none
+    bool is_too_fast_ = false, has_fallen_ = false, is_no_clock_ = false;
+    double falling_ns_ = 0, fell_at_ = 0;  // sum of the falls, less the time since, at this t_
+    double last_jump_ = -1e300;            // its time t_
+    double jumps_ = 0;                     // falls that no rate explains; one is forgotten each minute
+    double other_wrap_ns_ = 0;             // last value of back_ns_; 0: none
     bool wraps_early_ = false, has_wrapped_ = false;
     unsigned set_back_ = 0;
     double window_begin_ = 0, window_ns_ = kMinWindow_ns, window_min_ = 1e300;

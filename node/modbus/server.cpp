@@ -10,8 +10,10 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <utility>
 #include <vector>
 
+#include "drivers/clock.hpp"
 #include "node/log.hpp"
 
 namespace tactiled {
@@ -19,6 +21,9 @@ namespace {
 
 constexpr std::uint64_t kTickNs = 50'000'000;  // longest delay of stop() and of time limits
 constexpr std::uint64_t kAnyTime = ~std::uint64_t(0);
+// A command that waited for so long while the process or the machine stood still is not carried out: its sender has given
+// up.
+constexpr std::uint64_t kAwayNs = 1'000'000'000, kDrainNs = 200'000'000;
 constexpr std::uint64_t kRetryNs = 1'000'000'000;  // for the port, and after running out of descriptors
 // A client keeps its place for this time after a complete request, or after it has connected. PLCs poll every 2 s or
 // faster.
@@ -52,6 +57,7 @@ ModbusServer::ModbusServer(std::string node_name, const ModbusSettings& settings
     if (!settings_.listen.empty()) try_to_listen(monotonic_ns());
     listens_from_the_start_ = settings_.listen.empty() || listener_ >= 0;
     if (!settings_.rtu.device.empty()) serve_line(monotonic_ns(), false);
+    looked_ns_ = with_suspend_ns();
     thread_.start("modbus", 0, -1, [this] { serve(); });
 }
 
@@ -77,7 +83,8 @@ void ModbusServer::serve() noexcept {
 void ModbusServer::cycle() {
     std::array<epoll_event, 64> events;
     const int n = wait_for(events);
-    const std::uint64_t now_ns = monotonic_ns();
+    const std::uint64_t now_ns = monotonic_ns(), looked_before_ns = std::exchange(looked_ns_, with_suspend_ns());
+    if (looked_ns_ - looked_before_ns > kAwayNs) service_.refuse_writes_until(now_ns + kDrainNs);
     bool line_readable = false, client_waits = false, ticked = false;
     for (int i = 0; i < n; ++i) {
         const auto& event = events[std::size_t(i)];

@@ -68,6 +68,7 @@ private:
 
     int epoll_ = -1, ticks_ = -1, listener_ = -1;
     std::uint64_t listen_again_ns_ = 0, complain_again_ns_ = 0;
+    std::uint64_t looked_ns_ = 0;  // last time at which requests were looked for, on the clock that continues during suspend
     bool listens_from_the_start_ = true;
     bool accepting_paused_ = false;  // out of descriptors: the port stays open, and waiting clients wait a second
     std::string complaint_;

@@ -45,7 +45,7 @@ std::size_t Service::answer(std::span<const std::uint8_t> bytes, Session& sessio
         return responder.send(bytes, std::span(answer).first(identity_.answer(pdu, view.alive, answer)));
     }
     if (writes(request)) {
-        const Exception exception = controls_.check(request, view, session, now_ns);
+        const Exception exception = now_ns < refuses_until_ns_ ? kBusy : controls_.check(request, view, session, now_ns);
         if (exception != kNone) return refuse(exception);
         controls_.write(request, view, session, now_ns);
     }

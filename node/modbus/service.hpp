@@ -27,6 +27,10 @@ public:
     };
     [[nodiscard]] const Counts& counts() const noexcept { return counts_; }
 
+    // Refuses writes as busy until then: the requests may have waited for a process that was stopped, and their senders may
+    // have given up.
+    void refuse_writes_until(std::uint64_t t_ns) noexcept { refuses_until_ns_ = t_ns; }
+
     // Sends commands for which the pipeline had no room. Called regularly.
     void tick(std::uint64_t now_ns) noexcept { controls_.tick(now_ns); }
 
@@ -44,7 +48,7 @@ private:
     Identity identity_;
     Tables tables_;
     Segment segment_;
-    std::uint64_t segment_tried_ns_ = 0;
+    std::uint64_t segment_tried_ns_ = 0, refuses_until_ns_ = 0;
     Counts counts_;
 };
 

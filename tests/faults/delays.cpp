@@ -1,7 +1,6 @@
 #include "delays.hpp"
 
 namespace tactiled::faults {
-namespace {
 
 // Without clock and counter, a link that goes down between the opening of a connection and its first frame makes a lag at
 // the first frame.
@@ -10,6 +9,8 @@ void link_down(FreshnessRun& run, std::mt19937_64& random) {
     run.hold_until(run.now_s() + s);
     run.run_s(s + between(random, 2, 20));
 }
+
+namespace {
 
 // The path has a lag, in which something else happens.
 template <typename Change>
@@ -23,11 +24,15 @@ void change_in_a_lag(FreshnessRun& run, double lag_s, double before_s, const Cha
     run.run_s(rest_s);
 }
 
+}  // namespace
+
 void slow_bridge(FreshnessRun& run, std::mt19937_64& random) {
     const double lag_s = between(random, 0.2, 10);
     change_in_a_lag(
         run, lag_s, between(random, 5, 60), [] {}, 0);
 }
+
+namespace {
 
 // The link is opened again in the lag, also where the daemon does not ask for it.
 void reopened_in_a_lag(FreshnessRun& run, std::mt19937_64& random, Closed when_closed) {
@@ -111,6 +116,8 @@ void short_buffer(FreshnessRun& run, std::mt19937_64& random) {
     run.run_s(5);
 }
 
+}  // namespace
+
 // A bridge that is slower than the device for a while: no silence, and then a lag that stays.
 void slower_bridge(FreshnessRun& run, std::mt19937_64& random) {
     const double lag_s = between(random, 0.3, 3), share = between(random, 0.05, 0.5);
@@ -119,6 +126,8 @@ void slower_bridge(FreshnessRun& run, std::mt19937_64& random) {
     run.extra_lag_s = 0;
     run.run_s(30);
 }
+
+namespace {
 
 void clock_ends(FreshnessRun& run, std::mt19937_64& random) {
     run.wrap_clock_in(between(random, 297, 301));

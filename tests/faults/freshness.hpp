@@ -28,6 +28,8 @@ struct Stream {
     unsigned counter_bits = 32, clock_bits = 32;  // lines of text
     double clock_step_us = 1;                     // 1000: a clock that counts milliseconds
     double clock_period_s = 0;                    // the clock begins again from 0 after it; 0: by its bits
+    double clock_scale = 1;                       // counts of the device's clock in a microsecond
+    std::uint32_t counter_period = 0;             // the counter begins again after it; 0: by its bits
 };
 
 // The path when the link is closed and opened again.
@@ -79,6 +81,7 @@ public:
     double rate_factor = 1;       // the device is this much faster than at first
     double clock_fast = 0;        // the device's clock is this much faster than at first
     double clock_jump_us = 0;     // added to the device's clock once
+    bool retains = false;         // a server sends the last frame to each new connection first
     double buffer_frames = 1e9;   // frames that a path can hold; it drops the newest ones
     Closed when_closed = Closed::discards;
     // Called with each frame that arrives.
@@ -99,7 +102,19 @@ public:
             for (Sent& sent : way_) sent.arrives_s += closed_s;
             extra_lag_s += closed_s;
         }
+        if (retains && !past_.empty()) {
+            way_.push_front(past_.back());
+            way_.front().arrives_s = closed_until_s_ + 1e-3;
+            way_.front().is_retained = true;
+        }
         open();
+    }
+
+    // This machine and its clock stand still, and the path keeps what is sent: a virtual machine.
+    void stand_still(double s) {
+        hold_until(now_s_ + s);
+        while (now_s_ < hold_until_s_) step();
+        stood_still_s_ += s;
     }
 
     // The device starts again: its clock and its counter begin anew.
@@ -135,15 +150,17 @@ private:
         double measured_s, arrives_s;
         std::uint32_t sequence;
         std::uint64_t device_us;
+        bool is_retained = false;
     };
 
     void open() {
-        age_.open({stream_.path, true, stream_.reopening_discards, 200},
-                  std::uint64_t(std::max(closed_until_s_, now_s_) * 1e9));
+        age_.open({stream_.path, true, stream_.reopening_discards, 200}, host_ns(std::max(closed_until_s_, now_s_)));
         lines_.reset();
         cobs_.reset();
         opening_ = true;
     }
+
+    [[nodiscard]] std::uint64_t host_ns(double t_s) const { return std::uint64_t((t_s - stood_still_s_) * 1e9); }
 
     double uniform() { return double(random_() >> 11) * 0x1p-53; }
 
@@ -169,7 +186,7 @@ private:
             arrive(first, at_s);
         }
         // The link's thread looks each period, too.
-        const auto now_ns = std::uint64_t(now_s_ * 1e9);
+        const std::uint64_t now_ns = host_ns(now_s_);
         if (stream_.reopening_discards && age_.asks_for_reopening(now_ns) && pace_.allows(now_ns, age_.trouble_ns())) {
             ++tally.reopened;
             reopen();
@@ -183,12 +200,13 @@ private:
         arrives = std::max(arrives, way_.empty() ? 0 : way_.back().arrives_s);
         if (retime > 0) arrives = std::max({arrives, left_s_ + 1 / (stream_.rate_Hz * (1 + retime)), hold_until_s_});
         left_s_ = arrives;
-        double device_us = device_us_ + offset_us_;
+        double device_us = (device_us_ + offset_us_) * stream_.clock_scale;
         if (stream_.clock_period_s > 0) device_us = std::fmod(device_us, stream_.clock_period_s * 1e6);
         const auto ticks = std::uint64_t(std::int64_t(std::floor(device_us / stream_.clock_step_us)));
         const std::uint64_t clock = stream_.clock_bits >= 64 ? ticks : ticks & ((1ull << stream_.clock_bits) - 1);
-        const std::uint32_t number =
+        std::uint32_t number =
             (sequence_ += counts_by) & (stream_.counter_bits >= 32 ? ~0u : (1u << stream_.counter_bits) - 1);
+        if (stream_.counter_period > 0) number = sequence_ % stream_.counter_period;
         Sent sent{now_s_, arrives, number, std::uint64_t(double(clock) * stream_.clock_step_us)};
         if (double(way_.size()) >= buffer_frames) return;
         past_.push_back(sent);
@@ -210,7 +228,7 @@ private:
 
     void arrive(const Sent& sent, double at_s) {
         last_s_ = at_s;
-        if (at_s < closed_until_s_ || (discarded_ && sent.measured_s < closed_until_s_)) return;
+        if (at_s < closed_until_s_ || (discarded_ && sent.measured_s < closed_until_s_ && !sent.is_retained)) return;
         Frame frame;
         if (stream_.format != Stream::Format::numbers) {
             if (decode(sent, at_s, frame)) judge(frame, sent, at_s);
@@ -230,7 +248,7 @@ private:
         frame.device_time_us = stream_.clock ? device_us_seen_ | 1 : 0;
         before_ = sent.sequence;
         opening_ = false;
-        frame.t_ns = frame.taken_ns = std::uint64_t(at_s * 1e9);
+        frame.t_ns = frame.taken_ns = host_ns(at_s);
         judge(frame, sent, at_s);
     }
 
@@ -246,7 +264,7 @@ private:
         const AsciiFormat format{.channels = 1, .sequence = stream_.sequence, .time_us = stream_.clock, .crc16 = true};
         const std::size_t size = text ? encode_ascii(frame, format, line) : encode_cobs(frame, 24, bytes);
         if (text) std::memcpy(bytes.data(), line.data(), size);
-        decoder.push({bytes.data(), size}, std::uint64_t(at_s * 1e9));
+        decoder.push({bytes.data(), size}, host_ns(at_s));
         return decoder.next(frame);
     }
 
@@ -279,7 +297,7 @@ private:
     std::uint32_t sequence_, before_ = 0;
     std::uint64_t device_us_seen_ = 0;
     double offset_us_, now_s_ = 1000, device_us_ = 0, temperature_ = 0, next_temperature_s_ = 0;
-    double hold_until_s_ = 0, last_s_ = 0, left_s_ = 0, closed_until_s_ = 0;
+    double hold_until_s_ = 0, last_s_ = 0, left_s_ = 0, closed_until_s_ = 0, stood_still_s_ = 0;
     bool opening_ = true, discarded_ = true;
     LinkCounts counts_;
     AsciiDecoder lines_;

@@ -117,8 +117,8 @@ bool is_asked_for(const char* variable, std::string_view name, bool is_whole) {
     return text == nullptr || (is_whole ? name == text : name.find(text) != name.npos);
 }
 
-void no_undetected_old_value(double hours, bool is_attack) {
-    for (const Kind& kind : kKinds)
+void no_undetected_old_value(const std::vector<Kind>& kinds, double hours, bool is_attack) {
+    for (const Kind& kind : kinds)
         for (const Case& each : kStreams) {
             if (!is_asked_for("KIND", kind.name, false) || !is_asked_for("STREAM", each.name, true)) continue;
             std::mt19937_64 random(std::uint64_t(number("SEED", 7)));
@@ -130,6 +130,7 @@ void no_undetected_old_value(double hours, bool is_attack) {
                 stream.ppm = between(random, -100, 100);
                 if (is_attack) vary(stream, random);
                 stream.clock_period_s = kind.clock_period_s;
+                if (kind.change != nullptr) kind.change(stream, random);
                 FreshnessRun run(stream, random());
                 if (!kind.from_the_start) run.run_s(300);
                 run.tally = {};
@@ -172,9 +173,16 @@ void no_undetected_old_value(double hours, bool is_attack) {
         }
 }
 
-TEST(Freshness, NoKindOfDelayMakesAnUndetectedOldValue) { no_undetected_old_value(number("HOURS", 1), false); }
+TEST(Freshness, NoKindOfDelayMakesAnUndetectedOldValue) { no_undetected_old_value(kKinds, number("HOURS", 1), false); }
 
-TEST(Freshness, NoRateCounterOrClockMakesAnUndetectedOldValue) { no_undetected_old_value(number("HOURS", 0.05), true); }
+TEST(Freshness, NoRateCounterOrClockMakesAnUndetectedOldValue) {
+    no_undetected_old_value(kKinds, number("HOURS", 0.05), true);
+}
+
+TEST(Freshness, NoOddDeviceServerOrMachineMakesAnUndetectedOldValue) {
+    no_undetected_old_value(kOddKinds, number("HOURS", 1), false);
+    no_undetected_old_value(kOddKinds, number("HOURS", 0.2), true);
+}
 
 }  // namespace
 }  // namespace tactiled::faults

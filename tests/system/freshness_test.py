@@ -243,6 +243,7 @@ class Freshness(unittest.TestCase):
         with Rig(clock=False) as rig:
             said = rig.daemon.ctl("check", rig.daemon.config).stdout
             self.assertIn('sensor "s": age proved by sequence', said)
+            self.assertIn("whose counter begins again within 60 s", said)
             self.assertNotIn("warning: link", said)
             for weak in ("true", '"xor"', "false"):
                 rig.daemon.config.write_text(rig.daemon.config.read_text().replace(

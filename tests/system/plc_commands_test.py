@@ -3,6 +3,8 @@
 limit, faults."""
 import pathlib
 import signal
+import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -77,6 +79,31 @@ class CyclicPlc(unittest.TestCase):
             self.assertGreater(plc.read(50, 1)[0], 100)
 
 
+class StoppedDaemon(unittest.TestCase):
+    def test_commands_that_waited_for_it_and_whose_senders_gave_up_do_not_run(self):
+        with Held() as held:
+            plc = held.plc()
+            plc.command(1, TARE, 1)
+            held.press(-10.0)
+            self.assertEqual(plc.command(2, TARE, 1), (2, DONE, OK))
+            held.daemon.process.send_signal(signal.SIGSTOP)
+            time.sleep(0.1)
+            user = subprocess.Popen([BIN / "tactilectl", "tare", "--remove", "left", "--node", held.daemon.name],
+                                    env=held.daemon.reader_env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            for at, values in ((5000, (UNTARE, 1, 0, 0, 3)), (5011, (1,))):
+                with socket.create_connection(("127.0.0.1", held.daemon.port)) as other:
+                    data = struct.pack(f">HHB{len(values)}H", at, len(values), 2 * len(values), *values)
+                    other.sendall(struct.pack(">HHHBB", 1, 0, 2 + len(data), 1, 16) + data)
+            time.sleep(1.2)
+            user.kill()
+            user.wait()
+            held.daemon.process.send_signal(signal.SIGCONT)
+            time.sleep(1)
+            self.assertAlmostEqual(held.read_force()[1], 0.0, delta=0.1, msg="the tare is in force")
+            self.assertEqual(plc.command(3, UNTARE, 1), (3, DONE, OK), "the PLC writes it again")
+            self.assertAlmostEqual(held.read_force()[1], -10.0, delta=0.1)
+
+
 class TwoPlcs(unittest.TestCase):
     def test_each_is_told_of_its_own_commands_alone(self):
         with Held() as held:
@@ -89,6 +116,14 @@ class TwoPlcs(unittest.TestCase):
             self.assertEqual(one.outcome(), (6, DONE, OK))
             self.assertEqual(one.block(), [TARE, 1, 0, 0, 6])
             self.assertEqual(other.block(), [CLEAR, 2, 0, 0, 6])
+
+    def test_two_at_one_address_share_one_block(self):
+        with Held() as held:
+            one, other = held.plc(), held.plc()  # two PLCs behind one router
+            one.command(1, TARE, 1)
+            self.assertEqual(one.command(2, TARE, 1), (2, DONE, OK))
+            self.assertEqual(other.outcome(), (2, DONE, OK), "the result of the first one")
+            self.assertEqual(other.command(2, UNTARE, 1), (2, REJECTED, REPEATED), "its number is used")
 
     def test_a_reconnected_one_goes_on_and_a_repeated_number_runs_nothing(self):
         with Held() as held:

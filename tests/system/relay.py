@@ -17,6 +17,9 @@ reader knows the true age of each value. Commands come as lines on standard inpu
     jump S        the device's clock is set on by S seconds
     ahead S       the true time is S seconds ahead of CLOCK_MONOTONIC: the machine was suspended, the device was not
     restart       the device's counter and clock begin again
+    unit K        the device's clock counts K in a microsecond
+    retain 1      each new client gets the last line first
+    kick          the clients are disconnected
 """
 import collections
 import contextlib
@@ -42,6 +45,7 @@ class Device:
     def __init__(self, rate_Hz, fields):
         self.period_s, self.fields, self.n = 1 / rate_Hz, fields, 0
         self.clock_zero_s, self.paused_until, self.ahead_s, self.old_s = 0.0, 0.0, 0.0, 0.0
+        self.clock_unit = 1
         self.due = time.monotonic()
         self.past = collections.deque(maxlen=2000)
 
@@ -52,7 +56,7 @@ class Device:
                 continue
             true_s = self.due + self.ahead_s
             cells = [str(self.n)] if "sequence" in self.fields else []
-            content = ["%d" % (int((true_s - self.clock_zero_s) * 1e6) & 0xFFFFFFFF)] if "clock" in self.fields else []
+            content = ["%d" % (int((true_s - self.clock_zero_s) * 1e6 * self.clock_unit) & 0xFFFFFFFF)] if "clock" in self.fields else []
             content.append("%.3f" % (true_s * 1000 - float(os.environ["BEGAN_MS"])))
             self.past.append((true_s, content))
             if self.old_s:
@@ -66,6 +70,7 @@ class Device:
 class Sink:
     def __init__(self, where):
         self.clients, self.fifo, self.fifo_bytes = [], b"", 0
+        self.last, self.retains = b"", False
         if where == "pty":
             self.master, self.slave = pty.openpty()  # the slave stays open, so that a daemon may come and go
             tty.setraw(self.slave)
@@ -84,6 +89,8 @@ class Sink:
             client = self.server.accept()[0]
             client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self.clients = [client]
+            if self.retains:
+                client.sendall(b"# welcome\n" + self.last)
         for client in [c for c in self.clients if c in ready]:
             with contextlib.suppress(OSError):
                 if client.recv(4096):
@@ -94,7 +101,12 @@ class Sink:
     def is_open(self):
         return self.server is None or bool(self.clients)
 
+    def kick(self):
+        while self.clients:
+            self.clients.pop().close()
+
     def send(self, data):
+        self.last = data
         with contextlib.suppress(OSError):
             if self.server is None:
                 if self.fifo_bytes and len(self.fifo) + len(data) <= self.fifo_bytes:
@@ -148,6 +160,12 @@ def main(source, sink):
                 device.old_s = value
             elif word == "fifo":
                 sink.fifo_bytes = int(value)
+            elif word == "unit":
+                device.clock_unit = int(value)
+            elif word == "retain":
+                sink.retains = bool(value)
+            elif word == "kick":
+                sink.kick()
             elif word == "restart":
                 device.n, device.clock_zero_s = 0, now + device.ahead_s - 0.1
             else:

@@ -234,7 +234,9 @@ std::string undetected_delays(const Driver& driver) {
     if (by.starts_with("clock (")) return not_seen;
     if (by.starts_with("arrival")) return not_seen + ", any delay without a silence, old or swapped content";
     if (by.starts_with("clock")) not_seen += "; without the device's time also";
-    not_seen += ", old content under a new number, one that grows in the 2 s in which the rate is measured";
+    not_seen +=
+        ", old content under a new number, one that grows in the 2 s in which the rate is measured, a device that restarts "
+        "in a delay and whose counter begins again within 60 s";
     if (route.reopening_discards)
         not_seen += ", a relay that keeps its delay and drops frames while the link is opened again";
     return not_seen;

@@ -17,14 +17,15 @@ struct Device {
     void open(Route route) { age.open(route); }
 
     // The next frame, measured `period_ms` after the one before, arrives `delay_ms` later.
-    Frame next(double delay_ms = 1, double period_ms = 10) {
+    Frame next(double delay_ms = 1, double period_ms = 10, std::uint32_t lost = 0) {
         measured_ns += std::uint64_t(period_ms * 1e6);
         Frame frame;
-        frame.t_ns = frame.taken_ns = measured_ns + std::uint64_t(delay_ms * 1e6);
+        frame.t_ns = frame.taken_ns = measured_ns + std::uint64_t(std::int64_t(delay_ms * 1e6));
         frame.has_sequence = has_sequence;
-        frame.sequence = sequence++;
+        frame.sequence = counter_period > 0 ? sequence++ % counter_period : sequence++;
+        frame.lost = lost;
         frame.sequence_bits = bits;
-        if (has_clock) frame.device_time_us = (measured_ns - clock_zero_ns) / 1000;
+        if (has_clock) frame.device_time_us = (measured_ns - clock_zero_ns) / 1000 * clock_scale;
         age.judge(frame, frame.taken_ns);
         return frame;
     }
@@ -35,7 +36,8 @@ struct Device {
     StreamAge age;
     bool has_clock, has_sequence;
     std::uint64_t measured_ns = 1000 * kS, clock_zero_ns = 900 * kS;
-    std::uint32_t sequence = 5;
+    std::uint32_t sequence = 5, counter_period = 0;  // 0: by its bits
+    std::uint64_t clock_scale = 1;                   // counts of its clock in a microsecond
     std::uint8_t bits = 32;
 };
 

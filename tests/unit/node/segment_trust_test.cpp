@@ -86,7 +86,7 @@ TEST_F(TrustTest, SoIsAFolderInsideOfOne) {
 
 TEST_F(TrustTest, AFolderInsideOfAnotherUsersIsRefused) {
     NEEDS_ROOT();
-    const std::string inner = folder_ + "/a/b";
+    const std::string middle = folder_ + "/a/b", inner = middle + "/c";
     std::filesystem::create_directories(inner);
     set_runtime_folder(inner);
     const auto writer = alive();
@@ -95,6 +95,8 @@ TEST_F(TrustTest, AFolderInsideOfAnotherUsersIsRefused) {
     ASSERT_EQ(::chown(inner.c_str(), kStranger, kStranger), 0);
     EXPECT_EQ(why(inner), "open");  // the file of root in a folder of a user, who owns the folder above, too
     ASSERT_EQ(::chown(inner.c_str(), 1234, 1234), 0);
+    EXPECT_TRUE(refused(inner, "inside the folder of another user"));
+    ASSERT_EQ(::chown(middle.c_str(), 1234, 1234), 0);  // the same user owns b and c, another one a
     EXPECT_TRUE(refused(inner, "inside the folder of another user"));
 }
 

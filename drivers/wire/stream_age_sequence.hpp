@@ -1,0 +1,165 @@
+// Part of stream_age.hpp. The proof by the device's counter, which serves as a clock once its rate is known.
+#pragma once
+#include "drivers/wire/stream_age.hpp"
+
+namespace tactiled {
+
+// Frames that the device has counted since the one before; 0: it has restarted. The device's rate tells how often the
+// counter has passed its end meanwhile. A counter that the decoder takes for one that has restarted, and that has not just
+// begun, has passed its end, too.
+inline double StreamAge::frames_since(const Frame& frame, double silence_ns) const noexcept {
+    const double range = std::ldexp(1.0, frame.sequence_bits);
+    const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;
+    const std::uint32_t expected = sequence_ + 1 + frame.lost;
+    if (!is_reopened_ && ((frame.sequence ^ expected) & mask) == 0) return 1.0 + frame.lost;
+    const double period_ns = period_ns_ > 0 ? period_ns_ : interval_us_ * 1e3;
+    if (!is_reopened_ && (period_ns <= 0 || frame.sequence < std::min(kBooted_ns / period_ns, range / 8))) return 0;
+    const double steps = double((frame.sequence - sequence_) & mask);
+    if (period_ns <= 0) return steps < range / 2 ? steps : 0;
+    const double expected_steps = silence_ns / period_ns;
+    if (expected_steps > range / 2 && range * period_ns > kMaxClosed_ns) return std::max(steps, 1.0);  // or more: not known
+    const double wraps = std::nearbyint((expected_steps - steps) / range);
+    return wraps >= 0 ? steps + wraps * range : 0;
+}
+
+// A restart that looks as if frames were lost: more of them than the time allows, or a small number of a counter whose range
+// is shorter than a lag may be. `late_ns` is what the number makes of the frame's lateness.
+inline bool StreamAge::seems_restarted(const Frame& frame, double late_ns) const noexcept {
+    if (frame.lost == 0 || is_reopened_) return false;
+    const double range = std::ldexp(1.0, frame.sequence_bits);
+    const bool is_short =
+        range * period_ns_ < kShortCounter_ns && frame.sequence < std::min(kBooted_ns / period_ns_, range / 8);
+    return late_ns < -2 * kLate_ns || (is_short && late_ns_ + double(frame.lost) * period_ns_ > kLate_ns);
+}
+
+inline void StreamAge::learn_rate(double advance, std::uint64_t host_ns) noexcept {
+    learn_frames_ += advance;
+    const auto elapsed_ns = double(host_ns - learn_ns_);
+    if (elapsed_ns < kLearn_ns || learn_frames_ < kLearnFrames) return;
+    period_ns_ = elapsed_ns / learn_frames_;
+    if (declared_ns_ > 0)
+        period_ns_ = std::clamp(period_ns_, declared_ns_ / (1 + tolerance_), declared_ns_ * (1 + tolerance_));
+    if (max_period_ns_ > 0) period_ns_ = std::min(period_ns_, max_period_ns_);
+    begin_to_count();
+    known_ns_ = host_ns;
+}
+
+inline void StreamAge::begin_to_count() noexcept {
+    bound_ = AgeBound({.max_drift = kMaxRateError, .wander = route_.clock_ppm * 0.2e-6, .held_share = 0, .excess = kFaster});
+    counted_ = 0;
+}
+
+// A lag has been caught up if the frames come no longer faster than the device's rate: else the device has got faster, and
+// the lag is still there.
+inline bool StreamAge::has_settled(double late, std::uint64_t host_ns) noexcept {
+    if (late > 0.9 * max_late_ns_) {
+        max_late_ns_ = std::max(max_late_ns_, late);
+        max_late_at_ = host_ns;
+    }
+    if (late > kCaughtUp_ns) {
+        if (late > kLate_ns) settle_until_ = 0;
+        return settle_until_ != 0 && host_ns > settle_until_;
+    }
+    // While the offset falls, there is still something to catch up.
+    if (settle_until_ == 0 || bound_.offset_ns() < settle_offset_ns_ - kFallen_ns) {
+        const auto took_ns = double(host_ns - max_late_at_), lasted_ns = double(host_ns - punctual_ns_);
+        double settle_ns = kMinSettle_ns;
+        if (took_ns > max_late_ns_ / kFaster) settle_ns = std::max(settle_ns, took_ns / max_late_ns_ * kSettled_ns);
+        // An error of the rate hides a part of the lag, and is seen in the end in twice the time that the lag lasted.
+        const double error = std::max(bound_.uncertainty(), kHiddenByRate_ns / double(punctual_ns_ - known_ns_ + 1));
+        if (std::min(error, kMaxRateError) * lasted_ns > kLate_ns) settle_ns = std::max(settle_ns, 2 * lasted_ns);
+        settle_until_ = host_ns + std::uint64_t(settle_ns);
+        settle_offset_ns_ = bound_.offset_ns();
+    }
+    return host_ns >= settle_until_;
+}
+
+// The same, also where the counter has begun again or leapt without a silence: it has passed an end that the format does not
+// state, such as 99, or was damaged. The lag that there was is there still.
+inline double StreamAge::advance_of(const Frame& frame, double silence_ns) const noexcept {
+    if (!has_frame_) return 0;
+    const double advance = frames_since(frame, silence_ns);
+    if (advance == 1 || is_reopened_ || silence_ns > kLate_ns + period_ns_) return advance;
+    const double passed = period_ns_ > 0 ? silence_ns / period_ns_ : frame.sequence + 1.0;
+    if (advance == 0) return std::min(frame.sequence + 1.0, std::ceil(passed + kLate_ns / std::max(period_ns_, 1.0)));
+    const bool leapt = period_ns_ > 0 && late_ns_ + silence_ns - advance * period_ns_ < -2 * kLate_ns;
+    return leapt ? std::max(1.0, std::nearbyint(passed)) : advance;
+}
+
+// Lateness while the rate is not known yet: a silence alone shows a lag. Returns 0 where nothing is known.
+inline double StreamAge::late_while_learning(double advance, double silence_ns, std::uint64_t host_ns) noexcept {
+    if (advance == 0) {
+        learn_ns_ = host_ns;
+        learn_frames_ = 0;
+        return 0;
+    }
+    const double mean_ns = learn_frames_ > 0    ? double(host_ns_ - learn_ns_) / learn_frames_
+                           : max_period_ns_ > 0 ? max_period_ns_
+                                                : declared_ns_;
+    if (silence_ns > advance * std::max(3 * mean_ns, kLate_ns)) is_unproved_ = true;
+    // After it got faster, the device was never as slow as it seems now.
+    if (max_period_ns_ > 0 && double(host_ns - learn_ns_) - (learn_frames_ + advance) * max_period_ns_ > kLate_ns)
+        is_unproved_ = true;
+    if (!is_unproved_) learn_rate(advance, host_ns);  // a rate over a silence, or a backlog, is not the device's
+    return is_reopened_ && advance * mean_ns < silence_ns / 2 ? silence_ns + kLate_ns : 0;  // the path discarded nothing
+}
+
+inline double StreamAge::late_by_counter(const Frame& frame, double advance, double silence_ns,
+                                         std::uint64_t host_ns) noexcept {
+    counted_ += std::max(advance, 1.0);
+    const double late = bound_.late_ns(host_ns, std::uint64_t(counted_ * period_ns_));
+    if (advance != 0 && !seems_restarted(frame, late_ns_ + silence_ns - advance * period_ns_)) return late;
+    // The device has restarted. A lag that there was is there still, and one may have begun in the silence.
+    must_reopen_ = must_reopen_ || is_unproved_ || silence_ns > kLate_ns + period_ns_;
+    if (!is_unproved_) bound_.restart();
+    return 0;
+}
+
+inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept {
+    proof_ = Proof::sequence;
+    const double silence_ns = has_frame_ ? double(host_ns - host_ns_) : 0;
+    const double advance = advance_of(frame, silence_ns);
+    sequence_ = frame.sequence;
+    if (!has_frame_) learn_ns_ = host_ns;
+    // The counter may have passed its end any number of times, and does not show how long the path held this frame.
+    if (has_waited(host_ns) && silence_ns > range_ns(frame) / 2) must_reopen_ = true;
+    bool late_is_known = period_ns_ > 0;
+    double late = late_is_known ? late_by_counter(frame, advance, silence_ns, host_ns)
+                                : late_while_learning(advance, silence_ns, host_ns);
+    is_unproved_ = is_unproved_ || must_reopen_;
+    if (late_is_known && !is_unproved_ && late > kLate_ns) {
+        is_unproved_ = true;
+        max_late_ns_ = 0;
+        settle_until_ = 0;
+    }
+    if (late_is_known && is_unproved_ && !must_reopen_) is_unproved_ = !has_settled(late, host_ns);
+    if (late_is_known && bound_.is_too_fast()) {  // the counter is no clock any more: its rate must be measured anew
+        is_unproved_ = true;
+        late_is_known = false;
+        late = is_reopened_ ? silence_ns + kLate_ns : 0;
+        max_period_ns_ = period_ns_;
+        period_ns_ = 0;
+        learn_frames_ = 0;
+    }
+    // The device had paused: its counter is behind as before, and the path held nothing that opening it again discarded. A
+    // lag of which a part was discarded is judged by the rest of it.
+    const bool had_paused = !late_is_known || late > late_ns_ - kLate_ns;
+    const bool may_have_waited = has_waited(host_ns) && (!late_is_known || range_ns(frame) < kShortCounter_ns);
+    if (is_unproved_ && had_paused && has_discarded(late) && !may_have_waited) {
+        bound_.restart();
+        bound_.end_fall();
+        late = 0;
+        is_unproved_ = must_reopen_ = false;
+        known_ns_ = learn_ns_ = host_ns;
+        learn_frames_ = 0;
+    }
+    late_ns_ = late;
+    frame.age = is_unproved_ || (late_is_known && bound_.is_falling()) ? Frame::Age::unproved : Frame::Age::proved;
+    if (!is_unproved_) {
+        punctual_ns_ = host_ns;
+        backdate(frame, late);
+    }
+    put_trouble(is_unproved_, host_ns);
+}
+
+}  // namespace tactiled

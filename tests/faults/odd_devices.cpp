@@ -1,0 +1,90 @@
+// Devices, servers and machines that differ from what the formats and the method expect.
+#include "delays.hpp"
+
+namespace tactiled::faults {
+namespace {
+
+// A bridge that is 0.1 to 5 % slower than the device until it is late by 0.3 to 3 s: no lag grows by much before a short
+// counter begins again.
+void hardly_slower_bridge(FreshnessRun& run, std::mt19937_64& random) {
+    const double lag_s = between(random, 0.3, 3), share = std::pow(10, between(random, -3, -1.3));
+    for (double grown_s = 0; grown_s < lag_s; grown_s += 0.01 * share, run.extra_lag_s += 0.01 * share) run.run_s(0.01);
+    run.run_s(between(random, 5, 30));
+    run.extra_lag_s = 0;
+    run.run_s(30);
+}
+
+// A counter that the device prints with a fixed number of digits, or of a width that no format states.
+void other_counter(Stream& stream, std::mt19937_64& random) {
+    constexpr std::uint32_t kPeriods[] = {10, 16, 60, 100, 128, 1000, 1024, 4096, 10000};
+    stream.counter_period = kPeriods[random() % std::size(kPeriods)];
+    stream.counter_bits = 32;
+    stream.format = Stream::Format::lines;
+}
+
+// Half microseconds of a timer, tenths, nanoseconds; milliseconds. It begins again after 32 bits.
+void other_unit(Stream& stream, std::mt19937_64& random) {
+    constexpr double kScales[] = {1e-3, 2, 10, 16, 1000};
+    stream.clock_scale = kScales[random() % std::size(kScales)];
+    stream.format = Stream::Format::lines;
+    stream.rate_Hz = std::pow(10, between(random, 0.7, 3));
+}
+
+void coarse_clock(Stream& stream, std::mt19937_64& random) {
+    stream.clock_step_us = std::pow(10, between(random, 4, 6));
+    stream.format = Stream::Format::lines;
+}
+
+// The device has died. The connection ends again and again, and the server sends the last frame to each new one.
+void dead_behind_a_server(FreshnessRun& run, std::mt19937_64& random) {
+    run.pauses = run.retains = true;
+    run.run_s(between(random, 0.5, 5));
+    for (int i = 0; i < 10; ++i) {
+        run.reopen();
+        run.run_s(between(random, 0.5, 30));
+    }
+    run.pauses = run.retains = false;
+    run.run_s(30);
+}
+
+void machine_stands_still(FreshnessRun& run, std::mt19937_64& random) {
+    run.stand_still(between(random, 0.5, 30));
+    run.run_s(between(random, 5, 30));
+}
+
+// Another device takes its place, or its clock is set, while the link is closed in a lag. The path keeps the lag.
+void set_on_while_closed_in_a_lag(FreshnessRun& run, std::mt19937_64& random) {
+    run.extra_lag_s = between(random, 0.3, 5);
+    run.when_closed = Closed::keeps;
+    run.run_s(3 + run.extra_lag_s);
+    run.clock_jump_us = run.extra_lag_s * 1e6 + std::pow(10, between(random, 6, 9));
+    run.reopen();
+    run.run_s(10);
+    run.extra_lag_s = 0;
+    run.run_s(60);
+    run.when_closed = Closed::discards;
+}
+
+void doubled(FreshnessRun& run, std::mt19937_64& random) {
+    run.copies_late_s = 1e-9;
+    run.run_s(10);
+    link_down(run, random);
+    slow_bridge(run, random);
+    run.copies_late_s = 0;
+    run.run_s(10);
+}
+
+}  // namespace
+
+const std::vector<Kind> kOddKinds = {
+    {"a counter of another period, a slower bridge", hardly_slower_bridge, kByCounters, 0, false, 0, other_counter},
+    {"a counter of another period, a late bridge", slow_bridge, kByCounters, 0, false, 0, other_counter},
+    {"a clock in another unit, then a late bridge", slow_bridge, kByCounters, 0, false, 0, other_unit},
+    {"a clock in another unit, then the link is down", link_down, kByCounters, 0, false, 0, other_unit},
+    {"a clock with ticks of 10 ms to 1 s, a late bridge", slow_bridge, kByCounters, 0, false, 0, coarse_clock},
+    {"a dead device, the server sends its last frame", dead_behind_a_server, kByCounters},
+    {"this machine and its clock stand still", machine_stands_still, kByNone},
+    {"the clock is set on while closed in a lag", set_on_while_closed_in_a_lag, kByClocks},
+    {"each frame is sent twice", doubled, kByCounters}};
+
+}  // namespace tactiled::faults

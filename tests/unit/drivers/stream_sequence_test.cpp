@@ -1,0 +1,183 @@
+// The proof of the age by the device's counter.
+#include <gtest/gtest.h>
+
+#include "delayed_device.hpp"
+
+namespace tactiled {
+namespace {
+
+// The rate of the counter is learnt over two seconds. A lag that begins before must not become the reference.
+TEST(StreamAge, ASilenceBeforeTheRateIsKnownLeavesACounterUnprovedUntilTheConnectionWasOpenedAgain) {
+    Device device(connection(), false);
+    device.run(100);
+    EXPECT_EQ(device.next(900).age, Age::unproved);
+    device.run(500, 900);
+    EXPECT_EQ(device.next(900).age, Age::unproved);
+    device.measured_ns += kS;
+    device.sequence += 100;
+    device.open(connection());
+    EXPECT_EQ(device.next().age, Age::proved);
+    device.run(500);
+    EXPECT_EQ(device.next().age, Age::proved);
+    EXPECT_EQ(device.next(900).age, Age::unproved);
+}
+
+TEST(StreamAge, MissingTimeThatWasCaughtUpIsProof) {
+    Device device(network(), false);
+    device.run(1000);
+    for (int i = 0; i < 200; ++i)  // 2 s of frames arrive together
+        ASSERT_EQ(device.next(2000 - 10 * i).age, Age::unproved) << i;
+    device.run(5);
+    EXPECT_EQ(device.next().age, Age::proved) << "50 ms without a frame that came early";
+}
+
+TEST(StreamAge, ACounterOf16BitsThatPassesItsEndIsNoRestart) {
+    Device device(network(), false);
+    device.sequence = 65'000;
+    device.bits = 16;
+    for (int i = 0; i < 2000; ++i) {
+        if (device.sequence == 65'536) device.sequence = 0;
+        ASSERT_EQ(device.next().age, Age::proved) << i;
+    }
+    Device late(network(), false);
+    late.sequence = 65'536 - 1000;
+    late.bits = 16;
+    late.run(1000);
+    late.sequence = 0;
+    EXPECT_EQ(late.next(2000).age, Age::unproved) << "as between any two numbers";
+}
+
+TEST(StreamAge, APathThatKeepsItsFramesWhileItIsClosedIsNotProvedByOpeningItAgain) {
+    Device device(connection(), false);
+    device.run(1000);
+    device.run(100, 2000);
+    device.open(connection());
+    EXPECT_EQ(device.next(2200).age, Age::unproved) << "the next number, 200 ms later";
+    device.open(connection());
+    device.sequence += 20;
+    EXPECT_EQ(device.next(2200, 210).age, Age::proved) << "the frames of 200 ms are missing";
+}
+
+TEST(StreamAge, ALagOfWhichOpeningAgainDiscardedAPartIsNotTheNewReference) {
+    Device device(connection(), false);
+    device.run(1000);
+    device.run(100, 2000);
+    device.open(connection());
+    device.sequence += 211;
+    EXPECT_EQ(device.next(90, 2120).age, Age::unproved) << "the rest of the lag";
+    for (int i = 0; i < 50; ++i) ASSERT_EQ(device.next(90).age, Age::unproved);
+    for (int delay_ms = 81; delay_ms > 1; delay_ms -= 10) (void)device.next(delay_ms);
+    device.run(5);
+    EXPECT_EQ(device.next().age, Age::proved) << "the missing time was caught up";
+}
+
+// The same, but a part of the lag remains. The rate that shows it needs as long as the lag lasted.
+TEST(StreamAge, ALagOfWhichAPartRemainsIsNotOverBeforeTheRateIsKnownWellEnough) {
+    Device device(network(), false);
+    device.run(400);  // the rate is known for 2 s
+    for (int i = 0; i < 1000; ++i) (void)device.next(10'000, 9.9);
+    for (double late_ms = 10'000; late_ms > 100; late_ms -= 9.9) (void)device.next(late_ms, 9.9);
+    for (int i = 0; i < 500; ++i) ASSERT_EQ(device.next(100, 9.9).age, Age::unproved) << i;
+}
+
+// The device gets 3 % faster right before a lag of 10 s, which hides 0.3 s of it: a backlog that comes at once is not over
+// where the counter and the old rate say so.
+TEST(StreamAge, AWrongRateHidesNoPartOfABacklogThatComesAtOnceOrThreeTimesAsFastAsTheDevice) {
+    for (const double faster_ms : {9.7, 6.5}) {
+        Device device(network(), false);
+        device.run(10000);
+        for (int i = 0; i < 1000; ++i) (void)device.next(10'000, 9.7);
+        for (double late_ms = 10'000; late_ms > 0; late_ms -= faster_ms) {
+            const Frame frame = device.next(late_ms, 9.7);
+            if (late_ms > 100) { ASSERT_EQ(frame.age, Age::unproved) << late_ms; }
+        }
+    }
+}
+
+// Number 0 may follow lost frames. It may also be that of a device that restarted, while the lag is still there.
+TEST(StreamAge, AShortCounterThatSeemsToHaveLostALagHasNotCaughtUp) {
+    for (const std::uint8_t bits : {std::uint8_t{8}, std::uint8_t{16}}) {
+        Device device(connection(), false);
+        device.bits = bits;
+        device.sequence = 5;
+        device.run(1000);  // up to number 1004
+        device.run(100, 2000);
+        const std::uint32_t last = (device.sequence - 1) & ((1u << bits) - 1);
+        const std::uint32_t end = 1u << bits;
+        Frame frame;
+        device.measured_ns += 100 * kMs;
+        for (std::uint32_t number = 0; number < 100; ++number) {
+            device.measured_ns += 10 * kMs;
+            frame = Frame{};
+            frame.t_ns = frame.taken_ns = device.measured_ns + 2000 * kMs;
+            frame.has_sequence = true;
+            frame.sequence_bits = bits;
+            frame.sequence = number;
+            frame.lost = number == 0 ? end - 1 - last : 0;
+            device.age.judge(frame, frame.taken_ns);
+            ASSERT_EQ(frame.age, Age::unproved) << int(bits) << number;
+        }
+    }
+}
+
+// The range of 7 bits is 1.28 s. The link goes down between the opening and the first frame, which is late by its range.
+TEST(StreamAge, AShortCounterDoesNotProveAFirstFrameThatTookLongerThanEver) {
+    Device device(connection(), false);
+    device.bits = 7;
+    device.age.open(connection(), device.measured_ns);
+    device.run(1000);
+    device.age.open(connection(), device.measured_ns + 200 * kMs);
+    device.sequence += 20;
+    EXPECT_EQ(device.next(1280, 210).age, Age::unproved);
+    for (int i = 0; i < 300; ++i) ASSERT_EQ(device.next(1280).age, Age::unproved) << i;
+    device.age.open(connection(), device.measured_ns + 1480 * kMs);
+    device.sequence += 147;
+    EXPECT_EQ(device.next(1, 1480).age, Age::proved);
+}
+
+// The server sends the last frame to each new connection.
+TEST(StreamAge, TheLastFrameAgainIsNotTheFirstOneOfANewConnection) {
+    for (const bool clock : {true, false}) {
+        Device device(connection(), clock);
+        device.run(1000);
+        for (int i = 0; i < 3; ++i) {
+            device.open(connection());
+            --device.sequence;
+            device.clock_zero_ns += 5 * kS;
+            EXPECT_EQ(device.next(1, 5000).age, Age::unproved) << i;
+        }
+        device.clock_zero_ns -= 15 * kS;
+        device.sequence += 1500;
+        EXPECT_EQ(device.next().age, Age::proved) << "the device is alive";
+    }
+}
+
+// Counters of two or three digits. A bridge is 3 % slower than the device: no lag grows far before the counter begins again.
+TEST(StreamAge, ACounterThatBeginsAgainAtAnyNumberShowsALagThatGrowsSlowly) {
+    for (const std::uint32_t period : {16u, 100u, 128u, 1000u}) {
+        Device device(network(), false);
+        device.counter_period = period;
+        for (int i = 0; i < 3000; ++i) { ASSERT_EQ(device.next().age, Age::proved) << period << ' ' << i; }
+        for (double delay_ms = 1; delay_ms < 1000; delay_ms += 0.3) {
+            const Frame frame = device.next(delay_ms);
+            if (delay_ms > 150) { ASSERT_EQ(frame.age, Age::unproved) << period << ' ' << delay_ms; }
+        }
+    }
+}
+
+// Without a checksum. The number of a damaged frame seems to be far ahead, and the next one to begin again.
+TEST(StreamAge, DamagedNumbersHideNoLagThatGrowsSlowly) {
+    Device device(network(), false);
+    device.run(1000);
+    double delay_ms = 1;
+    for (int i = 0; i < 3000; ++i, delay_ms += 0.3) {
+        const std::uint32_t before = device.sequence;
+        if (i % 100 == 0) device.sequence += 9000;
+        const Frame frame = device.next(delay_ms, 10, i % 100 == 0 ? 9000 : 0);
+        if (i % 100 == 0) device.sequence = before + 1;
+        if (delay_ms > 150) { ASSERT_EQ(frame.age, Age::unproved) << i << ' ' << delay_ms; }
+    }
+}
+
+}  // namespace
+}  // namespace tactiled
