@@ -40,7 +40,8 @@ Validation hold_out(const Labelled& labelled, const Rows& rows, const FitEntry& 
 
 // Sets sd and sd_slope of each component from its held-out errors: the largest of their 68.27 % quantile, their 95 %
 // quantile over 1.96 and, from 200 rows on, their 99 % quantile over 2.58; at least the root mean square of the worst
-// session; times Student's factor for few loads. Sets none if a component has fewer than eight held-out rows.
+// session; times Student's factor for few loads. All of these also hold for the errors after a tare, which subtracts the
+// mean error of the session's rows at rest. Sets none if a component has fewer than eight held-out rows.
 // `takes_unloading`: sets sd_unloading, too, if it makes the others 5 % smaller.
 void set_uncertainty(const Validation& validation, Calibration& calibration, bool takes_unloading);
 

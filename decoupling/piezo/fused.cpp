@@ -27,6 +27,8 @@ public:
           longest_gap_s_(std::max(data["leak_tau_s"], data["window_s"])),
           fusion_(data["leak_tau_s"], fusion_tau_s, data["window_s"]) {}
     [[nodiscard]] std::string_view method() const noexcept override { return "fused"; }
+    // A change of the force is in the film at once; the window of Cn is part of the fusion.
+    [[nodiscard]] std::uint32_t timed_by(std::size_t /*c*/) const noexcept override { return 1u << Vp_; }
 
 private:
     void forget() noexcept override {
