@@ -81,17 +81,15 @@ private:
         std::size_t in_block = 0;
         bool is_noise_known = false;
 
-        // In steady motion late is delay * slope, with the slope over the last four samples. It is at least
-        // |difference| delay / interval / sqrt(2) of two neighbouring ones of them: a vibration may begin and end at the same
-        // force, and its rms is its greatest difference over sqrt(2). More than twice the difference is not lacking, since a
-        // conversion lasts twice the delay. The samples are at least a third of the delay apart: over less, noise alone
-        // would be a slope.
+        // In steady motion late is delay * slope, with the slope over the last four samples. It is at least weight * |difference|
+        // of two neighbouring ones of them: a vibration may begin and end at the same force. The samples are at least a third
+        // of the delay apart: over less, noise alone would be a slope.
         [[nodiscard]] double late(double value, std::uint64_t t_ns) noexcept {
             if (count > 0 && t_ns <= newest().t_ns) count = 0;  // another clock, or a sample that came twice
             double step = 0, most = 0;
             if (count > 0) {
                 const Past& oldest = past[(next + kPast - count) % kPast];
-                step = std::min(kStep, part(t_ns, newest().t_ns) / std::numbers::sqrt2) * std::abs(value - newest().value);
+                step = weight(part(t_ns, newest().t_ns)) * std::abs(value - newest().value);
                 most = std::max(part(t_ns, oldest.t_ns) * std::abs(value - oldest.value), step);
                 // The step to the oldest leads from a sample before it.
                 for (std::size_t i = 1; i < count; ++i) most = std::max(most, past[(next + kPast - i) % kPast].step);
@@ -103,6 +101,11 @@ private:
                 count = std::min(count + 1, kPast);
             }
             return most;
+        }
+        // The rms of a vibration is its greatest difference over sqrt(2). Of a step within a conversion, which lasts twice the
+        // delay and thus several samples, only a part shows at first.
+        [[nodiscard]] static double weight(double part) noexcept {
+            return part < kStep ? part / std::numbers::sqrt2 : kStep;
         }
         void learn_noise(double step) noexcept {
             block_squared += step * step;

@@ -126,25 +126,6 @@ std::map<const LabelledRow*, double> below_peak(const std::vector<HeldOut>& held
     return result;
 }
 
-// Returns for each of `rows` the error that a tare at rest subtracts from it: the mean over the rows of its session whose
-// load is below LoadPeak::kRest. 0 where the session has none.
-std::vector<double> tared_off(const std::vector<HeldOut>& rows, std::size_t c, const Calibration& calibration) {
-    std::map<std::size_t, std::pair<double, std::size_t>> at_rest;  // of a session
-    const auto error = [c](const HeldOut& one) { return one.estimated_S[c] - one.row->wrench_S[c]; };
-    for (const HeldOut& one : rows) {
-        if (!std::isfinite(error(one)) || !(load_of(one.row->wrench_S, calibration) < LoadPeak::kRest)) continue;
-        auto& [sum, n] = at_rest[one.row->session];
-        sum += error(one);
-        ++n;
-    }
-    std::vector<double> result;
-    for (const HeldOut& one : rows) {
-        const auto found = at_rest.find(one.row->session);
-        result.push_back(found == at_rest.end() ? 0 : found->second.first / double(found->second.second));
-    }
-    return result;
-}
-
 // Student's quantile over the normal one, at one standard deviation: the series of Fisher and Cornish, three terms.
 double student(double freedom) {
     return 1 + 1 / (2 * freedom) + 1 / (4 * freedom * freedom) + 1 / (16 * freedom * freedom * freedom);
@@ -176,14 +157,15 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
         const double full_scale = calibration.full_scale[i];
         // The standard deviation holds with the zero of the calibration, and after a tare.
         std::vector<Error> errors, tared;
-        const std::vector<double> tare = tared_off(rows, c, calibration);
         for (std::size_t k = 0; k < rows.size(); ++k)
             if (const double error = rows[k].estimated_S[c] - rows[k].row->wrench_S[c]; std::isfinite(error)) {
                 errors.push_back({std::pow(rows[k].estimated_S[c] / full_scale, 2),
                                   std::pow(load_of(rows[k].estimated_S, calibration), 2),
                                   std::pow(distance.at(validation.rows[k].row), 2), std::abs(error), validation.group[k]});
                 tared.push_back(errors.back());
-                tared.back().size = std::abs(error - tare[k]);
+                const auto at_rest = validation.at_rest.find(rows[k].row->session);
+                if (at_rest != validation.at_rest.end() && std::isfinite(at_rest->second[c]) && validation.drifted.empty())
+                    tared.back().size = std::abs(error - at_rest->second[c]);
             }
         if (errors.size() < kTails[0].errors) return clear();
         // The load of a single component is the component.

@@ -30,6 +30,7 @@ struct Shares {
     // The largest ratio of a component's median sd with that of latency to that without: of the loop, and of an oracle that
     // adds the true change of the load over the delay.
     double latency = 0, latency_of_oracle = 0;
+    std::size_t flagged_inside = 0;        // outside-domain, although each component of the load is within its full scale
     std::size_t undetected_by_oracle = 0;  // as `undetected`, by the oracle's sd
     double sharpness_without = 0;          // as sharpness_together, without the part of latency
     std::map<std::uint32_t, std::size_t> reasons;
@@ -128,10 +129,17 @@ private:
         const double part = width_ns > 0 ? std::clamp((at_ns - double(before.t_ns)) / width_ns, 0.0, 1.0) : 0;
         return now - (before.wrench_S[c] + part * (after.wrench_S[c] - before.wrench_S[c]));
     }
+    [[nodiscard]] bool is_calibrated(const Wrench& load_S) const {
+        const Calibration& calibration = candidate_.calibration;
+        for (std::size_t i = 0; i < calibration.full_scale.size(); ++i)
+            if (std::abs(load_S[component_index(calibration.components[i])]) > calibration.full_scale[i]) return false;
+        return true;
+    }
     void take(const Estimate& e, const Labelled& rows, std::size_t i) {
         const LabelledRow& row = rows.rows[i];
         ++shares_.samples;
         ++shares_.reasons[e.quality == TACTILED_GOOD ? 0 : e.reasons];
+        shares_.flagged_inside += (e.reasons & TACTILED_OUTSIDE_DOMAIN) != 0 && is_calibrated(row.wrench_S);
         if (e.quality != TACTILED_GOOD) return;
         ++shares_.good;
         bool undetected = false, wrong = false, undetected_by_oracle = false;

@@ -63,6 +63,7 @@ void print_shares(const std::string& first, const Shares& s) {
                s.latency, s.latency_of_oracle, percent(s.undetected_by_oracle, s.good), s.samples);
     for (const auto& [reasons, n] : s.reasons)
         if (reasons != 0) fmt::print(" 0x{:x}:{:.1f}%", reasons, percent(n, s.samples));
+    if (s.flagged_inside > 0) fmt::print(" outside-domain inside full scale: {:.3f}%", percent(s.flagged_inside, s.samples));
     fmt::print("\n");
     std::fflush(stdout);
 }
