@@ -53,7 +53,7 @@ public:
     void set_delay(std::span<const double> of_channel_s) noexcept override {
         for (FrontMethod& each : front_) each.decoupler->set_delay(of_channel_s);
     }
-    // Those of all methods, since each may run.
+    // The channels of all methods, since each may run.
     [[nodiscard]] std::uint32_t timed_by(std::size_t c) const noexcept override {
         std::uint32_t channels = 0;
         for (const FrontMethod& each : front_) channels |= each.decoupler->timed_by(c);

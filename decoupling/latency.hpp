@@ -54,7 +54,7 @@ public:
             Component& component = component_[c];
             if (!(component.delay_s > 0) || std::isnan(wrench_S[c])) continue;  // NaN: not measured
             const double late = component.late(wrench_S[c], t_ns), squared = sd[c] * sd[c];
-            // Motion that was there from the start looks like noise. Of it at most sd^2 is subtracted, so that at least
+            // Motion that was there from the start looks like noise. At most sd^2 is subtracted, so that at least
             // max(sd, late) is left. Squares are faster than hypot() by a multiple. NaN: not finite, or sd not known.
             const double noise_squared = std::min(component.noise_squared, squared);
             if (late <= kMaxLate) sd[c] = std::sqrt(squared + std::max(0.0, late * late - noise_squared));
@@ -75,15 +75,15 @@ private:
         double delay_s = 0;
         std::array<Past, kPast> past{};
         std::size_t next = 0, count = 0;
-        // The noise that is left: kNoise^2 times the mean square of `step` over the quietest block so far. The squares of the
-        // present block.
+        // The noise that is left: kNoise^2 times the mean square of `step` over the quietest block so far. The squares of
+        // the present block.
         double noise_squared = 0, block_squared = 0;
         std::size_t in_block = 0;
         bool is_noise_known = false;
 
-        // In steady motion late is delay * slope, with the slope over the last four samples. It is at least weight * |difference|
-        // of two neighbouring ones of them: a vibration may begin and end at the same force. The samples are at least a third
-        // of the delay apart: over less, noise alone would be a slope.
+        // In steady motion late is delay * slope, with the slope over the last four samples. It is at least weight *
+        // |difference| of two neighbouring ones of them: a vibration may begin and end at the same force. The samples are at
+        // least a third of the delay apart: over less, noise alone would be a slope.
         [[nodiscard]] double late(double value, std::uint64_t t_ns) noexcept {
             if (count > 0 && t_ns <= newest().t_ns) count = 0;  // another clock, or a sample that came twice
             double step = 0, most = 0;
@@ -102,15 +102,16 @@ private:
             }
             return most;
         }
-        // The rms of a vibration is its greatest difference over sqrt(2). Of a step within a conversion, which lasts twice the
-        // delay and thus several samples, only a part shows at first.
+        // The rms of a vibration is its greatest difference over sqrt(2). A step within a conversion, which lasts twice the
+        // delay and thus several samples, shows only in part at first.
         [[nodiscard]] static double weight(double part) noexcept {
             return part < kStep ? part / std::numbers::sqrt2 : kStep;
         }
         void learn_noise(double step) noexcept {
             block_squared += step * step;
             if (++in_block < kBlock) return;
-            noise_squared = std::min(is_noise_known ? noise_squared : kMaxLate, kNoise * kNoise * block_squared / double(kBlock));
+            noise_squared =
+                std::min(is_noise_known ? noise_squared : kMaxLate, kNoise * kNoise * block_squared / double(kBlock));
             is_noise_known = true;
             block_squared = 0;
             in_block = 0;

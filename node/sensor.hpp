@@ -201,7 +201,7 @@ private:
     std::size_t method_ = 0;  // method "auto": method of zero_S() and low_pass_; else 0
     LowPass low_pass_;
     Latency latency_;
-    Wrench chain_delay_s_{}, delay_s_{};  // of each component, without and with that of the low pass
+    Wrench chain_delay_s_{}, delay_s_{};          // a component: without, with the low pass
     std::array<double, kMaxChannels> channel_{};  // channels of the last frame, in the unit of the calibration
     Thermometer thermometer_;
     double others_temperature_C_ = kNaN;

@@ -186,7 +186,8 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
                 for (const Ratio& each : ratios) log_size += std::log(each.size) / double(errors.size());
                 const double largest = needed_gain * min / std::exp(log_size);  // s of a better shape is below this
                 double needed = std::max(scale_for(ratios), scale_for(ratios_tared));
-                if (validation.by_sessions) needed = std::max({needed, worst_group(errors, other), worst_group(tared, other)});
+                if (validation.by_sessions)
+                    needed = std::max({needed, worst_group(errors, other), worst_group(tared, other)});
                 if (needed < largest && (load > 0 || unloading > 0))
                     needed = std::max({needed, scale_for_quarters(ratios), scale_for_quarters(ratios_tared)});
                 if (!(needed < largest)) continue;

@@ -32,7 +32,7 @@ struct Validation {
     std::vector<HeldOut> rows;       // each once
     std::vector<std::size_t> group;  // group of each of `rows`
     bool by_sessions = false;        // each group is a session
-    // The mean error at rest of the fit of all rows, of a session, which a tare subtracts. None where it is not known.
+    // The mean error at rest of the fit of all rows, of a session, which a tare subtracts; empty = unknown.
     std::map<std::size_t, Wrench> at_rest;
     // The same rows with random zeros, if the user states a drift: the standard deviation then holds for these.
     std::vector<HeldOut> drifted;

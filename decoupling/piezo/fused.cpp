@@ -14,6 +14,10 @@ namespace {
 // A reading beyond this many times the range cannot be a force; it is limited, so that the state recovers from it at
 // once.
 constexpr double kMaxRanges = 20;
+// Film and Cn disagree if they differ by this many standard deviations, and for some time after: a film that sticks agrees
+// with any force that rests.
+constexpr double kMaxDifference_sd = 5, kMaxFactor = 1e6;
+constexpr std::uint64_t kDoubt_ns = 4'000'000'000;
 
 class Piezo final : public CheckedModel {
 public:
@@ -25,7 +29,8 @@ public:
           film_(data["gain_b"], data["gain_a"], 0, range_N_),
           normal_(data["normal_b"], data["normal_a"], 0, range_N_),
           longest_gap_s_(std::max(data["leak_tau_s"], data["window_s"])),
-          fusion_(data["leak_tau_s"], fusion_tau_s, data["window_s"]) {}
+          fusion_(data["leak_tau_s"], fusion_tau_s, data["window_s"]),
+          has_sd_(!data.calibration().sd.empty()) {}
     [[nodiscard]] std::string_view method() const noexcept override { return "fused"; }
     // A change of the force is in the film at once; the window of Cn is part of the fusion.
     [[nodiscard]] std::uint32_t timed_by(std::size_t /*c*/) const noexcept override { return 1u << Vp_; }
@@ -33,7 +38,7 @@ public:
 private:
     void forget() noexcept override {
         fusion_.forget();
-        has_last_ = false;
+        has_last_ = is_doubtful_ = false;
     }
 
     // rt: wait-free
@@ -50,13 +55,35 @@ private:
         } else {
             const double max_V = film_.y(kMaxRanges * range_N_);
             const double V = within(input.r[Vp_], -max_V, max_V, cut);
-            press_N = film_.inverse(fused_drive(input, V, film_.y(slow_N))).F;
-            if (!fusion_.is_settled()) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+            const double drive = fused_drive(input, V, film_.y(slow_N));
+            press_N = film_.inverse(drive).F;
+            if (!fusion_.is_settled())
+                estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+            else if (has_sd_)
+                compare(press_N, film_.inverse(drive + fusion_.difference()).F, input, estimate);
         }
         if (cut) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
         if (cut || press_N < -kDomainMargin * range_N_ || press_N > (1 + kDomainMargin) * range_N_)
             estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
         estimate.wrench_S[2] = 0.0 - press_N;
+    }
+
+    // Both readings measure the same force, and the sum is off by up to their difference.
+    void compare(double press_N, double other_N, Input& input, Estimate& estimate) noexcept {
+        Wrench wrench{};
+        wrench[2] = press_N;
+        double sds = std::abs(other_N - press_N) / stated_sd(2, wrench);
+        if (!(sds <= kMaxFactor)) sds = kMaxFactor;  // a NaN, too
+        if (sds > kMaxDifference_sd) {
+            is_doubtful_ = true;
+            doubtful_since_ns_ = input.t_ns;
+            most_sds_ = std::max(most_sds_, sds);
+        } else if (is_doubtful_ && input.t_ns - doubtful_since_ns_ > kDoubt_ns) {
+            is_doubtful_ = false;
+        }
+        if (!is_doubtful_) most_sds_ = sds;
+        if (is_doubtful_) estimate.reasons |= TACTILED_DISAGREEMENT;
+        input.sd_factor[2] = std::sqrt(1 + most_sds_ * most_sds_);
     }
 
     double fused_drive(const Input& input, double V, double slow) noexcept {
@@ -81,7 +108,9 @@ private:
     Curve film_, normal_;
     double longest_gap_s_;
     ChargeFusion fusion_;
-    bool has_last_ = false;
+    bool has_last_ = false, has_sd_, is_doubtful_ = false;
+    double most_sds_ = 0;
+    std::uint64_t doubtful_since_ns_ = 0;
     std::uint64_t last_t_ns_ = 0, last_new_t_ns_ = 0;
     double last_Cn_ = 0;
 };

@@ -88,7 +88,8 @@ struct Judged {
 std::size_t first_load(const Labelled& rows);
 // `delay_s`: known delay of each channel of `rows`, part of the standard deviation as in the loop (decoupling/latency.hpp);
 // empty = none.
-Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows, const std::vector<double>& delay_s = {});
+Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows,
+             const std::vector<double>& delay_s = {});
 // Returns those of the candidate's channels, in the order of its calibration.
 std::vector<double> delays_of(const Candidate& candidate, const Labelled& rows, const std::vector<double>& delay_s);
 // Returns one row over the trials of a whole sensor. Errors are geometric means, so that no trial dominates, and NaN

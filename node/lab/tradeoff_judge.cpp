@@ -77,8 +77,7 @@ std::vector<Reading> readings_of(const Candidate& candidate, const Labelled& row
     return readings;
 }
 
-Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows,
-             const std::vector<double>& delay_s) {
+Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows, const std::vector<double>& delay_s) {
     std::vector<double> storage;
     const auto readings = readings_of(candidate, rows, storage);
     const Calibration& calibration = candidate.calibration;

@@ -31,8 +31,8 @@ struct Shares {
     // adds the true change of the load over the delay.
     double latency = 0, latency_of_oracle = 0;
     std::size_t flagged_inside = 0;        // outside-domain, although each component of the load is within its full scale
-    std::size_t undetected_by_oracle = 0;  // as `undetected`, by the oracle's sd
-    double sharpness_without = 0;          // as sharpness_together, without the part of latency
+    std::size_t undetected_by_oracle = 0;  // like `undetected`, by the oracle's sd
+    double sharpness_without = 0;          // sharpness_together without the part of latency
     std::map<std::uint32_t, std::size_t> reasons;
 };
 
@@ -74,7 +74,9 @@ public:
             if (i == begin && at_rest > 0)
                 for (std::size_t c = 0; c < 6; ++c) zero_[c] = sum[c] / double(at_rest);
             // The first sample of a scene is at 1 s of the clock (node/lab/tradeoff_rows.cpp).
-            if (const double t_s = double(readings[i].t_ns) * 1e-9 - 1; t_s >= from_s && t_s <= to_s && (only.empty() || only[i])) take(e, rows, i);
+            if (const double t_s = double(readings[i].t_ns) * 1e-9 - 1;
+                t_s >= from_s && t_s <= to_s && (only.empty() || only[i]))
+                take(e, rows, i);
         }
         is_tared_ = true;
     }

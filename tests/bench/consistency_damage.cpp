@@ -57,7 +57,7 @@ std::vector<std::vector<std::size_t>> random_groups(std::size_t n, std::size_t s
     return groups;
 }
 
-// Those of damaged_channels.py, for which the joint domain and parity were made.
+// The kinds of damaged_channels.py, for which the joint domain and parity were made.
 std::vector<Kind> designed_for(const Seen& seen) {
     const std::size_t n = seen.rest.size();
     const auto pairs = random_groups(n, 2, 40, 3);
@@ -67,12 +67,11 @@ std::vector<Kind> designed_for(const Seen& seen) {
             {"half gain", n, [](auto& channel, std::size_t k, auto) { channel[k] *= 0.5; }},
             {"turned round", n, [](auto& channel, std::size_t k, auto) { channel[k] *= -1; }},
             {"shifted by 20 %", n, [=](auto& channel, std::size_t k, auto) { channel[k] += 0.2 * seen.span(k); }},
-            {"exchanged", pairs.size(), [=](auto& channel, std::size_t i, auto) {
-                 std::swap(channel[pairs[i][0]], channel[pairs[i][1]]);
-             }}};
+            {"exchanged", pairs.size(),
+             [=](auto& channel, std::size_t i, auto) { std::swap(channel[pairs[i][0]], channel[pairs[i][1]]); }}};
 }
 
-// Those that nothing was made for. Changes are those of the channel less its value at rest.
+// Kinds for which nothing was made. Changes are those of the channel less its value at rest.
 std::vector<Kind> not_designed_for(const Seen& seen) {
     const std::size_t n = seen.rest.size();
     const auto pairs = random_groups(n, 2, 30, 11), threes = random_groups(n, 3, 30, 12);

@@ -17,9 +17,9 @@ namespace fs = std::filesystem;
 
 // A mounting rotates the sensor by half a degree about x and y and by a degree about z (standard deviations).
 constexpr double kTilt_deg = 0.5, kTurn_deg = 1;
-constexpr std::uint64_t kFirstSeed = 7000;  // nothing was chosen on this one and later ones
+constexpr std::uint64_t kFirstSeed = 7000;  // this seed and later ones chose nothing
 
-// How the sensor is used, compared with its calibration.
+// The use of the sensor, compared with its calibration.
 struct Use {
     const char* name;
     bool other_loads = true, other_noise = true, is_tared = true, mounted_anew = false, only_settled = false;

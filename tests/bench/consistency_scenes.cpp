@@ -53,7 +53,8 @@ Calibration calibrated(const fs::path& beside, const std::string& name, const st
 
 void print_titles(const std::string& first) {
     fmt::print("{:<50} {:>7} {:>8} {:>9} {:>8} {:>9} {:>10} {:>8} {:>8} {:>8} {:>11} {:>8}\n", first, "GOOD %", "in 1 sd",
-               "over 5 sd", "not late", "sharpness", "no latency", "in 1 rms", "latency", "oracle's", "over 5 sd", "samples");
+               "over 5 sd", "not late", "sharpness", "no latency", "in 1 rms", "latency", "oracle's", "over 5 sd",
+               "samples");
 }
 
 void print_shares(const std::string& first, const Shares& s) {
