@@ -9,7 +9,10 @@
 //   consistency_bench costs [MODEL]                ns per sample of parity, joint domain and latency
 //   consistency_bench scenes [NAME]                the same for the scenes with an [[expect]]
 //   consistency_bench damaged FIRST COUNT [MODEL]  the damaged scenes with COUNT seeds from FIRST on: GOOD and beyond 5 sd
-//   consistency_bench alarms HOURS [MODEL]         clean use with a load that wanders: samples that are not GOOD, by reason
+//   consistency_bench alarms HOURS [MODEL]         use with a load that wanders, other loads and noise than the
+//   calibration's,
+//                                                  and with each of these held away; calibrations of 1 to 5 sessions. The
+//                                                  environment's USE="as in use" chooses one of them
 //   consistency_bench damage FIT.csv JUDGE.csv     a recording: one channel after the other damaged while the rows of JUDGE
 //                                                  run; GOOD, and GOOD and off by more than 10 % of full scale, or by 5 sd;
 //                                                  in some component; with parity if the environment has PARITY; ns of

@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <cstdlib>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <random>
@@ -23,16 +24,21 @@ constexpr std::uint64_t kFirstSeed = 7000;  // this seed and later ones chose no
 struct Use {
     const char* name;
     bool other_loads = true, other_noise = true, is_tared = true, mounted_anew = false, only_settled = false;
+    bool has_joint_domain = true;
+    double to_share = 1;  // greatest press, shear and distance from the middle, relative to the calibration's
 };
 constexpr Use kUses[] = {
     {.name = "as in use"},
     {.name = "mounted anew", .mounted_anew = true},
     {.name = "not tared", .is_tared = false},
     {.name = "settled rows", .only_settled = true},
+    {.name = "loads to 90 %", .to_share = 0.9},
+    {.name = "no joint domain", .only_settled = true, .has_joint_domain = false},
     {.name = "same noise", .other_noise = false},
     {.name = "same loads", .other_loads = false},
     {.name = "settled, not tared", .is_tared = false, .only_settled = true},
     {.name = "same loads, settled, not tared", .other_loads = false, .is_tared = false, .only_settled = true},
+    {.name = "calibration itself", .other_loads = false, .other_noise = false, .is_tared = false, .only_settled = true},
 };
 
 // A calibration scene, changed as text: a copy beside a link to the calibrations that it names.
@@ -55,6 +61,12 @@ public:
             const auto at = text.find(wander);
             if (at == text.npos) throw SetupError(path_ + ": no load wanders");
             text.insert(at + wander.size(), fmt::format("seed = {}\n", seed));
+        }
+        for (const char* const key : {"press_to_N = ", "shear_to_N = ", "within_m = "}) {
+            const auto at = text.find(key);
+            if (use.to_share == 1 || at == text.npos) continue;
+            const auto begin = at + std::strlen(key), end = text.find('\n', begin);
+            text.replace(begin, end - begin, fmt::format("{}", use.to_share * std::stod(text.substr(begin, end - begin))));
         }
         if (use.mounted_anew) {
             std::mt19937_64 random(seed);
@@ -86,8 +98,10 @@ std::vector<bool> settled(const ctl::CalibrationScene& scene, const Labelled& ro
     return marks;
 }
 
-void judge(const Scenes& scenes, const Use& use, const std::string& model, const std::vector<ctl::Candidate>& candidates,
+void judge(const Scenes& scenes, const Use& use, const std::string& model, std::vector<ctl::Candidate> candidates,
            double hours) {
+    if (!use.has_joint_domain)
+        for (ctl::Candidate& candidate : candidates) candidate.calibration.joint_domain = {};
     const ctl::CalibrationScene first = scenes.original();
     const Labelled named{.name = "", .channels = first.scene.sensors.front().channels, .sessions = {}, .rows = {}};
     std::vector<Course> courses;
@@ -151,11 +165,11 @@ void judge_ensemble(const std::string& folder, const std::vector<ctl::Contest>& 
         if (!fs::exists(folder + "/" + name + ".toml")) continue;
         const Scenes scenes(folder, name);
         print_titles("method, use");
-        for (const Use& use : kUses) {
-            judge(scenes, use, contest.model, contest.candidates, hours);
-            if (std::getenv("FIRST") != nullptr) break;
-        }
-        if (std::getenv("FIRST") != nullptr) continue;
+        const char* const only = std::getenv("USE");
+        for (const Use& use : kUses)
+            if (only == nullptr || std::string(only) == use.name)
+                judge(scenes, use, contest.model, contest.candidates, hours);
+        if (only != nullptr) continue;
         for (const std::size_t sessions : {1, 2, 3, 5})
             judge(scenes, kUses[1], contest.model, calibrated_in(sessions, scenes, contest.candidates), hours);
     }

@@ -86,20 +86,20 @@ TEST(Latency, NoiseIsNoSlopeHoweverFastTheSamplesCome) {
     std::normal_distribution<double> noise(0, 0.01);
     double sum = 0;
     for (std::uint64_t i = 1; i <= 1000; ++i) sum += sd_of(latency, noise(random), i * kMs / 10);
-    EXPECT_LT(sum / 1000, 0.02);
+    EXPECT_LT(sum / 1000, 0.04);
 }
 
 TEST(Latency, NoiseThatWasThereFromTheStartAddsLittle) {
     Latency latency;
     latency.set_delay(all_of(0.002));
     std::mt19937 random(1);
-    std::normal_distribution<double> noise(0, 0.006);
+    std::normal_distribution<double> noise(0, 0.002);  // a part of the standard deviation
     std::vector<double> sds;
     for (std::uint64_t i = 1; i <= 1000; ++i)
         if (const double sd = sd_of(latency, noise(random), i * kMs); i > 70) sds.push_back(sd);
     std::sort(sds.begin(), sds.end());
     EXPECT_LT(sds[sds.size() / 2], 0.0105);
-    EXPECT_LT(sds[sds.size() * 9 / 10], 0.02);
+    EXPECT_LT(sds[sds.size() * 9 / 10], 0.015);
     // The load begins to move.
     double sd = 0;
     for (std::uint64_t i = 1; i < 10; ++i) sd = sd_of(latency, double(i), (1000 + i) * kMs);

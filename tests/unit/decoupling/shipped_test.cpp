@@ -6,6 +6,7 @@
 
 #include "decoupling/csv.hpp"
 #include "decoupling/fit/fit.hpp"
+#include "decoupling/latency.hpp"
 #include "made_by_hand.hpp"
 
 namespace tactiled {
@@ -146,6 +147,9 @@ TEST(Shipped, EachComponentFollowsTheLoadByItsOwnChannels) {
     EXPECT_EQ(pad->timed_by(0), 0b10011u);
     EXPECT_EQ(pad->timed_by(1), 0b11100u);
     EXPECT_EQ(pad->timed_by(2), 0b10000u);
+    const Wrench delay_s = delay_of_components_s(*pad, std::vector<double>{0.45, 0.35, 0.25, 0.15, 0.05});
+    EXPECT_DOUBLE_EQ(delay_s[0], 0.25);
+    EXPECT_DOUBLE_EQ(delay_s[2], 0.05);
     EXPECT_EQ(make_decoupler(loaded("piezo_documents.toml"))->timed_by(2), 0b01u);  // Vp Cn: the film
     EXPECT_EQ(make_decoupler(loaded("skin_eflesh.toml"))->timed_by(2), 0x7FFFu);
 }
