@@ -63,8 +63,8 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
     const auto& node = snapshot.node;
     const Lateness late = segment.lateness();
     std::string out = fmt::format(
-        "{}  tactiled {}  pid {}  epoch {}  heartbeat {}  worst cycle {} us  woken late by {:.0f} us, p99 {:.0f}  "
-        "missed {}{}{}{}\n",
+        "{}  tactiled {}  pid {}  epoch {}  heartbeat {}  longest cycle {} us  woken {:.0f} us late, p99 {:.0f} us  "
+        "{} cycles missed{}{}{}\n",
         h.name, h.version, h.pid, h.epoch, node.heartbeat, node.worst_cycle_us, lateness_quantile_ns(late, 0.5) / 1000,
         lateness_quantile_ns(late, 0.99) / 1000, node.missed_cycles,
         (node.status & TACTILED_RT_DEGRADED) != 0 ? "  RT_DEGRADED" : "",

@@ -17,7 +17,7 @@ import time
 import tty
 import unittest
 
-from daemon import BIN, Daemon, wait_for
+from daemon import BIN, Daemon, ctl, wait_for
 from unit_daemon import quality_is, unit_daemon
 
 MATRIX = [[120.0, 5.0, -8.0], [-4.0, 90.0, 6.0], [3.0, -2.0, 60.0], [-50.0, 20.0, 30.0]]  # counts per newton
@@ -70,10 +70,6 @@ class Device:
         self.thread.join()
         os.close(self.master)
         os.close(self.slave)
-
-
-def ctl(*words, **kinds):
-    return subprocess.run([BIN / "tactilectl", *map(str, words)], capture_output=True, text=True, timeout=120, **kinds)
 
 
 class Case(unittest.TestCase):

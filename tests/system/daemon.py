@@ -32,6 +32,11 @@ def folder_of_user(uid, mode=0o755):
         shutil.rmtree(path)
 
 
+def ctl(*words, **kinds):
+    """Runs tactilectl to its end; kinds: of subprocess.run()."""
+    return subprocess.run([BIN / "tactilectl", *map(str, words)], capture_output=True, text=True, timeout=120, **kinds)
+
+
 def free_port():
     with socket.socket() as s:
         s.bind(("127.0.0.1", 0))

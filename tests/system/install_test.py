@@ -97,6 +97,21 @@ class Installed(unittest.TestCase):
         self.assertNotEqual(refused.returncode, 0)
         (self.folder / "CMakeLists.txt").write_text(CMAKE)
 
+    def test_the_examples_name_a_wrong_sensor(self):
+        """The one on the page, table, is a word of theirs: a user types another one."""
+        for file, compiler in (("wrong.c", ["cc", "-std=gnu11"]), ("wrong.cpp", ["c++", "-std=c++17"])):
+            source = example(file.split(".")[1], self.daemon.name).replace('"table"', '"tabel"')
+            (self.folder / file).write_text(source)
+            subprocess.run([*compiler, f"-I{self.prefix}/include", self.folder / file, "-o", self.folder / "wrong"], check=True)
+            seen = subprocess.run([self.folder / "wrong"], capture_output=True, text=True, timeout=30)
+            self.assertEqual(seen.stdout, "")
+            self.assertIn('has no sensor "tabel"', seen.stderr, file)
+        source = example("python", self.daemon.name).replace('"table"', '"tabel"')
+        seen = subprocess.run(["/usr/bin/python3", "-c", source], env={**os.environ, "PYTHONPATH": str(ROOT / "node/python")},
+                              capture_output=True, text=True, timeout=30)
+        self.assertNotEqual(seen.returncode, 0)
+        self.assertIn('has no sensor "tabel"; it has: table', seen.stderr)
+
     def build_32_bit(self, source, *flags):
         program = self.folder / "c32"
         built = subprocess.run(["cc", "-m32", "-Wall", "-Wextra", "-std=gnu11", *flags, f"-I{self.prefix}/include",
