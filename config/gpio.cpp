@@ -29,8 +29,8 @@ const Fields<GpioSettings>& gpio_fields() {
 }
 
 std::optional<GpioSettings> read_gpio(Options& root) {
+    Options table = root.table("gpio");  // known, also where it is not there
     if (!root.has("gpio")) return std::nullopt;
-    Options table = root.table("gpio");
     GpioSettings settings{};
     read_fields(gpio_fields(), table, settings);
     const struct {

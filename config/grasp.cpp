@@ -158,8 +158,8 @@ const Fields<GraspSettings>& grasp_fields() {
 
 std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_name,
                                         const std::vector<SensorSettings>& sensors, const std::string& folder) {
+    Options table = root.table("grasp");  // known, also where it is not there
     if (!root.has("grasp")) return std::nullopt;
-    Options table = root.table("grasp");
     GraspSettings g{};
     for (const auto& jaw : table.tables("jaw", kMaxJaws)) g.jaws.push_back(read_jaw(jaw));
     read_fields(grasp_fields(), table, g, node_name);

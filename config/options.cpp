@@ -187,8 +187,9 @@ void Options::Node::finish() const {
             for (auto error = first; error != last; ++error)
                 document->problems->add(document->file, line, labelled(error->second), kTakesBack);
         }
-        problem(at, what + (near ? fmt::format("; did you mean \"{}\"?", *near)
-                                 : fmt::format("; known: {}", fmt::join(asked, ", "))));
+        problem(at, what + (near            ? fmt::format("; did you mean \"{}\"?", *near)
+                            : asked.empty() ? ""
+                                            : fmt::format("; known: {}", fmt::join(asked, ", "))));
     }
     if (unknown.size() > kMaxUnknownKeys)
         problem(unknown[kMaxUnknownKeys].first, fmt::format("and {} more unknown keys", unknown.size() - kMaxUnknownKeys));

@@ -91,8 +91,8 @@ const Fields<ToolSettings>& tool_fields() {
 
 std::optional<ToolSettings> read_tool(Options& root, const std::vector<SensorSettings>& sensors,
                                       const std::optional<GraspSettings>& grasp) {
+    Options table = root.table("tool");  // known, also where it is not there
     if (!root.has("tool")) return std::nullopt;
-    Options table = root.table("tool");
     ToolSettings tool{};
     for (auto& one : table.tables("sensor", kMaxSensors)) {
         ToolSensorSettings sensor{};

@@ -21,13 +21,15 @@
 namespace tactiled {
 namespace {
 
+constexpr unsigned kFirstPty = 136, kLastPty = 143;  // major numbers, Documentation/admin-guide/devices.txt
+
 const char* remedy(int error, bool relative) {
     switch (error) {
         case ENOENT:
             if (relative) return " (a relative path is seen from the folder of the program's start: write the full path)";
             return " (is it plugged in? ls /dev/serial/by-id)";
         case EACCES: return " (join its group, usually: adduser YOU dialout, and log in again)";
-        case EBUSY: return " (another program has it open; who: fuser PATH)";
+        case EBUSY: return " (another program has it open, such as a daemon of tactiled; who: fuser PATH)";
         case ENXIO:
         case EIO: return " (the device behind the name is disconnected)";
         case ENOTTY: return " (this is no serial port)";
@@ -50,7 +52,10 @@ int open_tty(const std::string& path, const TtySettings& wanted, std::string& wh
     if (fd < 0) return fail("");
     termios2 settings{};
     if (::ioctl(fd, TCGETS2, &settings) != 0) return fail("");
-    if (::ioctl(fd, TIOCEXCL) != 0) return fail("exclusive use: ");
+    // A pseudo terminal would keep the flag after this close, and refuse every later program but root's.
+    struct stat file {};
+    const bool is_pty = ::fstat(fd, &file) == 0 && major(file.st_rdev) >= kFirstPty && major(file.st_rdev) <= kLastPty;
+    if (!is_pty && ::ioctl(fd, TIOCEXCL) != 0) return fail("exclusive use: ");
     if (::flock(fd, LOCK_EX | LOCK_NB) != 0) {  // root can open an exclusive tty: this lock keeps two daemons apart
         errno = EBUSY;
         return fail("");

@@ -4,8 +4,18 @@
 # Without a terminal it prints a line a pick and ends after three.
 #   PICKS=10 ./node/run.sh     prints lines and ends after ten
 #   PORT=1512 ./node/run.sh    serves Modbus at another port
+#   PICKS=1 HOLD=20 ./node/run.sh     holds the last object for 20 s
 set -euo pipefail
 cd "$(dirname "$0")/.."
+if [ $# != 0 ]; then
+    sed -n '2,/^set/s/^# \?//p' node/run.sh
+    [ "$1" = --help ] || { echo "node/run.sh: it takes no arguments: \"$1\"" >&2; exit 2; }
+    exit 0
+fi
+if ! { mkdir -p build && [ -w build ]; }; then
+    echo "node/run.sh: user $(id -un) may not write to $PWD/build: make a clone of your own" >&2
+    exit 1
+fi
 
 if [ -z "${TACTILED_BUILT:-}" ]; then  # set: use existing programs
     ./node/install-packages.sh build demo
@@ -29,8 +39,8 @@ if [ "$port" != 1502 ]; then  # the paths of a configuration are relative to its
         config/pick.toml >build/demo/pick.toml
     config=build/demo/pick.toml
 fi
-# Root has /run/tactiled and a session has $XDG_RUNTIME_DIR; without either, use a folder that only this user can
-# write to, and that no other user can replace.
+# Root has /run/tactiled and a session has $XDG_RUNTIME_DIR; without either, or where others may write to /run (some
+# containers), use a folder that only this user can write to, and that no other user can replace.
 trusted() {
     local path
     path=$(readlink -f "$1") || return 1
@@ -40,7 +50,8 @@ trusted() {
     done
     return 1
 }
-if [ "$(id -u)" != 0 ] && [ -z "${XDG_RUNTIME_DIR:-}" ] && [ -z "${TACTILED_RUNTIME_DIR:-}" ]; then
+if [ "$(id -u)" = 0 ]; then users=/run; else users=${XDG_RUNTIME_DIR:-}; fi
+if [ -z "${TACTILED_RUNTIME_DIR:-}" ] && { [ -z "$users" ] || ! trusted "$users"; }; then
     export TACTILED_RUNTIME_DIR=$PWD/build/demo/run
     # 90: the address of the control socket in it has at most 107 bytes
     if { [ ${#TACTILED_RUNTIME_DIR} -gt 90 ] || ! trusted build/demo; } && mkdir -p "${HOME:=/}/.cache" 2>/dev/null && trusted "$HOME/.cache"; then

@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "node/control.hpp"
+#include "node/ctl/liveness.hpp"
 #include "node/ctl/verb.hpp"
 
 namespace tactiled::ctl {
@@ -15,7 +16,9 @@ std::string ask_plain(const Segment& segment, const std::string& words, double t
         why = "the daemon runs without a control socket; its log has the reason";
         return "";
     }
-    return ask_daemon(control, fmt::format("{} {}", segment.header().name, words), int(timeout_s * 1000), why);
+    std::string reply = ask_daemon(control, fmt::format("{} {}", segment.header().name, words), int(timeout_s * 1000), why);
+    if (const Liveness liveness = liveness_of(segment); reply.empty() && !liveness.runs()) why = liveness.why;
+    return reply;
 }
 
 Answer ask(const Segment& segment, const std::string& words, double timeout_s) {

@@ -19,6 +19,8 @@ using grasp::SetupFinding;
 
 constexpr double kDegree = 3.14159265358979323846 / 180;
 constexpr double kLeastTilt_deg = 15;
+constexpr double kG_m_s2 = 9.80665;   // CGPM 1901
+constexpr double kLeastShare = 0.02;  // least force that some jaw feels where the jaws hold it, over the object's weight
 
 struct Args {
     std::string node = "gripper", config;
@@ -136,8 +138,20 @@ int check(const Args& args) {
              args.tilt_deg, lower, axis({-z[0], -z[1], -z[2]})),
          &grasp::CheckedJaw::tilted_N}};
     std::optional<Observed> open;
+    // Returns true if no jaw feels more than without an object.
+    const auto feels_nothing = [&](const Observed& seen) {
+        double most_N = 0;
+        for (const grasp::JawSetup& jaw : node.grasp->estimator.jaws)
+            for (std::size_t k = 0; k < 3; ++k)
+                most_N = std::fmax(most_N, std::abs(seen.raw_S[jaw.sensor][k] - open->raw_S[jaw.sensor][k]));
+        return most_N < kLeastShare * args.mass_kg * kG_m_s2;
+    };
     for (const auto& step : steps) {
-        const auto seen = pose(segment, mask, args.seconds, step.what);
+        auto seen = pose(segment, mask, args.seconds, step.what);
+        while (seen && open && feels_nothing(*seen)) {
+            fmt::print("  not taken: no jaw feels an object: close the jaws on it\n");
+            seen = pose(segment, mask, args.seconds, step.what);
+        }
         if (!seen) {
             fmt::print(stderr, "tactilectl: ended before all four steps\n");
             return kUnhealthy;

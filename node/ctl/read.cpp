@@ -73,7 +73,12 @@ int read(const Args& args) {
     if (!reader.is_attached()) {
         fmt::print(stderr, "tactilectl: {}\n", reader.why_not());
         std::string unused;
-        return Segment::try_open(args.node, unused).is_open() ? kUsage : kNotReachable;
+        const Segment segment = Segment::try_open(args.node, unused);
+        if (!segment.is_open()) return kNotReachable;
+        fmt::print(stderr, "it has");
+        for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) fmt::print(stderr, " {}", segment.sensor(i).name);
+        fmt::print(stderr, "\n");
+        return kUsage;
     }
     if (args.csv)
         fmt::print("t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality\n");
@@ -122,7 +127,9 @@ void add_read(CLI::App& app, Run& run) {
     verb->add_flag("--csv", args->csv, "columns of forces.csv");
     verb->add_flag("--json", args->json, "one JSON object a line");
     verb->add_flag("--raw", args->raw, "before tare (text and CSV; JSON has both)");
-    verb->add_option("--count", args->count, "with --follow: end after so many")->check(CLI::PositiveNumber);
+    verb->add_option("--count", args->count, "with --follow: end after so many")
+        ->check(CLI::Range(1L, 1'000'000'000L))
+        ->needs("--follow");
     verb->add_option("--timeout", args->timeout_s, "with --follow: seconds without a sample before giving up; 0 never")
         ->check(CLI::NonNegativeNumber)
         ->capture_default_str();

@@ -199,7 +199,8 @@ Node load(const Args& args) {
     auto attached = mcap::attached_files(args.file);
     const auto named = std::find_if(attached.begin(), attached.end(), [](const auto& a) { return a.first == kConfigName; });
     if (named == attached.end() || named + 1 == attached.end())
-        throw SetupError(fmt::format("{}: has no configuration inside: --config FILE", args.file));
+        throw SetupError(fmt::format(
+            "{}: has no configuration inside: give it with --config FILE, or a recording of tactilectl record", args.file));
     const std::string config_path = (named + 1)->first;  // the next attachment has its own path
     attached.erase(named);
     const TextFiles files(std::move(attached));

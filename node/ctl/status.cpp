@@ -57,6 +57,25 @@ std::vector<std::string> bit_names(const char* cell, std::uint32_t bits, bool co
     return names;
 }
 
+// Returns a line where a link's bytes arrive and no frame of them was ever good; else "".
+std::string refused_line(const Segment& segment, std::uint32_t sensor, const tactiled_sample& newest) {
+    if (newest.quality == TACTILED_GOOD || newest.quality == TACTILED_UNCERTAIN) return "";
+    for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
+        const auto& link = segment.link(i);
+        if (std::string_view(link.name) != segment.sensor(sensor).link) continue;
+        const auto count = [&](tactiled_link_count kind) { return __atomic_load_n(&link.count[kind], __ATOMIC_RELAXED); };
+        if (count(TACTILED_LINK_BYTES) == 0 || count(TACTILED_LINK_FRAMES) != 0) return "";
+        for (const auto kind : {TACTILED_LINK_BAD_CHECKSUM, TACTILED_LINK_BAD_LENGTH, TACTILED_LINK_BAD_VALUE})
+            if (count(kind) != 0)
+                return fmt::format(
+                    "{}: bytes arrive, and every frame of them is refused ({} {}): tactilectl identify shows "
+                    "the [[link]] that reads them\n",
+                    segment.sensor(sensor).name, kLinkCountNames[kind], count(kind));
+        return "";
+    }
+    return "";
+}
+
 std::string as_text(const Segment& segment, const Snapshot& snapshot) {
     const auto& h = segment.header();
     const Liveness liveness = liveness_of(segment);
@@ -83,7 +102,10 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
                            coloured(s.quality, quality_text(s.quality, s.reasons)));
     }
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
-        out += remedy_lines(segment.sensor(i).name, snapshot.sensor[i].reasons);
+        if (const std::string refused = refused_line(segment, i, snapshot.sensor[i]); !refused.empty())
+            out += refused;
+        else
+            out += remedy_lines(segment.sensor(i).name, snapshot.sensor[i].reasons);
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
         out += fmt::format("age of {}: proved by {}\n", segment.sensor(i).name, freshness_of(segment, i));
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += auto_lines(segment, i, snapshot.sensor[i]);

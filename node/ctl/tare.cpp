@@ -27,8 +27,9 @@ const char* result_text(int result) {
         case TACTILED_COMMAND_MOVING:
             return "refused: the force of a sensor moved while its zero was averaged (tare_ms); wait until it rests";
         case TACTILED_COMMAND_UNDER_LOAD:
-            return "refused: a sensor is under load, beyond its tare_limit_N; unload it, or calibrate it where its zero has "
-                   "moved";
+            return "refused: a sensor is under load, beyond its tare_limit_N (20 % of its full scale in each component "
+                   "unless its [[sensor]] has another): unload it; where its zero has moved so far, calibrate it, or write "
+                   "a larger tare_limit_N";
         case TACTILED_COMMAND_NOT_STORED:
             return "refused, or lost with the next restart: the file of zeros cannot be written; the daemon's log has the "
                    "reason";
@@ -63,6 +64,11 @@ int tare(const Args& args) {
         fmt::print(answer.exit_status == kGood ? stdout : stderr, "{} {}: {}\n", verb, args.sensor,
                    result_text(answer.result));
     Snapshot now;
+    if (answer.result == TACTILED_COMMAND_UNDER_LOAD && segment.snapshot(now))
+        for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
+            if (const double* const raw_N = now.sensor[i].raw_force_S_N; (mask >> i & 1u) != 0)
+                fmt::print(stderr, "{} reads fx {:.3f}, fy {:.3f}, fz {:.3f} N without a tare\n", segment.sensor(i).name,
+                           raw_N[0], raw_N[1], raw_N[2]);
     if (answer.exit_status != kGood && answer.result == TACTILED_COMMAND_NOT_NOW && segment.snapshot(now))
         for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
             const auto& s = now.sensor[i];

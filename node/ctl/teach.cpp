@@ -118,6 +118,9 @@ double stated_kg(const std::vector<Weighing>& weighings) {
     return stated;
 }
 
+// Grasps that differ by so much are no scatter of one object.
+constexpr double kApart = 0.1, kApart_stated = 5;  // their scatter over the mass, and over what each weight states
+
 int teach(Segment& segment, const std::string& path, const Args& args) {
     std::vector<TaughtObject> before = taught_in(path);
     const TaughtObject* known = find_object(before, args.name);
@@ -132,6 +135,12 @@ int teach(Segment& segment, const std::string& path, const Args& args) {
         if (w.scaled != weighings.front().scaled)
             return fail(kUnhealthy,
                         "the scale was set in between (tactilectl weigh known or forget, or a restart): nothing stored");
+    const double scatter = scatter_kg(weighings);
+    if (const double mass_kg = summary_of(weighings).mass_kg;
+        scatter > kApart * mass_kg && scatter > kApart_stated * stated_kg(weighings))
+        return fail(kUnhealthy, fmt::format("the {} weights of {:.4f} kg on average scatter by {:.4f} kg, and each states "
+                                            "{:.4f} kg: they are of different objects. Nothing stored",
+                                            weighings.size(), mass_kg, scatter, stated_kg(weighings)));
     const ObjectsLock lock(path);
     before = taught_in(path);  // another program may have changed the file meanwhile
     known = find_object(before, args.name);
@@ -158,7 +167,7 @@ int teach(Segment& segment, const std::string& path, const Args& args) {
         fmt::print(
             "{}: {:.4f} kg, sd {:.4f} kg, id {}, in {}\n"
             "(the grasps scatter by {:.4f} kg, and each weight states {:.4f} kg: the larger one counts)\n",
-            object.name, object.mass_kg, object.sd_kg, object.id, path, scatter_kg(weighings), stated_kg(weighings));
+            object.name, object.mass_kg, object.sd_kg, object.id, path, scatter, stated_kg(weighings));
     return exit_status;
 }
 
@@ -184,7 +193,9 @@ int run_teach(const Args& args) {
     std::vector<TaughtObject> left;
     for (const auto& object : taught)
         if (&object != disconnected) left.push_back(object);
-    return store_and_load(segment, path, left);
+    const int exit_status = store_and_load(segment, path, left);
+    if (exit_status == kGood && !args.json) fmt::print("{}: removed\n", args.forget);
+    return exit_status;
 }
 
 }  // namespace

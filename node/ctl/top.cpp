@@ -1,11 +1,14 @@
 // tactilectl top: shows sensors, links and grasp live in a terminal of 80 x 24; in a pipe it prints one snapshot
 // after the other.
 #include <fmt/format.h>
+#include <poll.h>
+#include <termios.h>
 #include <unistd.h>
 
 #include <chrono>
 #include <cmath>
 #include <memory>
+#include <optional>
 #include <sstream>
 #include <thread>
 
@@ -74,6 +77,38 @@ void draw(const std::string& text) {
     fmt::print("{}{}", screen, kClearBelow);
 }
 
+// While it lives, the terminal passes each key on at once and does not show it.
+class Keys {
+public:
+    Keys() : is_terminal_(::tcgetattr(STDIN_FILENO, &before_) == 0) {
+        if (!is_terminal_) return;
+        termios now = before_;
+        now.c_lflag &= ~tcflag_t(ICANON | ECHO);
+        ::tcsetattr(STDIN_FILENO, TCSANOW, &now);
+    }
+    ~Keys() {
+        if (is_terminal_) ::tcsetattr(STDIN_FILENO, TCSANOW, &before_);
+    }
+    Keys(const Keys&) = delete;
+    Keys& operator=(const Keys&) = delete;
+    // Returns true if q was pressed within `seconds`; sleeps for so long otherwise.
+    [[nodiscard]] bool is_quit(double seconds) const {
+        const std::uint64_t until_ns = monotonic_ns() + std::uint64_t(seconds * 1e9);
+        for (std::uint64_t now_ns = 0; interrupted == 0 && (now_ns = monotonic_ns()) < until_ns;) {
+            pollfd input{is_terminal_ ? STDIN_FILENO : -1, POLLIN, 0};
+            char key = 0;
+            if (::poll(&input, 1, int((until_ns - now_ns) / 1'000'000) + 1) == 1 &&
+                (::read(STDIN_FILENO, &key, 1) != 1 || key == 'q'))
+                return true;
+        }
+        return false;
+    }
+
+private:
+    termios before_{};
+    bool is_terminal_;
+};
+
 struct Args {
     std::string node = "gripper";
     std::string note;
@@ -85,7 +120,11 @@ struct Args {
 int top(const Args& args) {
     catch_interrupt();
     const bool redraw = !args.json && ::isatty(STDOUT_FILENO) != 0;
-    if (redraw) fmt::print("\x1b[2J");
+    std::optional<Keys> keys;
+    if (redraw) {
+        keys.emplace();
+        fmt::print("\x1b[2J");
+    }
     int exit_status = kGood;
     for (long n = 0; interrupted == 0; ++n) {
         std::string why;
@@ -112,7 +151,8 @@ int top(const Args& args) {
         }
         std::fflush(stdout);
         if (n + 1 == args.count || std::ferror(stdout) != 0) break;
-        std::this_thread::sleep_for(std::chrono::duration<double>(args.interval_s));
+        if (keys && keys->is_quit(args.interval_s)) break;
+        if (!keys) std::this_thread::sleep_for(std::chrono::duration<double>(args.interval_s));
     }
     return exit_status;
 }
@@ -121,12 +161,12 @@ int top(const Args& args) {
 
 void add_top(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb =
-        add_verb(app, "top", "Sensors, links and grasp, live", "  tactilectl top\n  tactilectl top --json --count 10\n");
+    auto* verb = add_verb(app, "top", "Sensors, links and grasp, live; q ends it",
+                          "  tactilectl top\n  tactilectl top --json --count 10\n");
     add_node_option(verb, args->node);
     verb->add_option("--note", args->note, "text to keep below the table, in a terminal");
     verb->add_flag("--json", args->json, "one JSON object a line");
-    verb->add_option("--count", args->count, "end after so many")->check(CLI::PositiveNumber);
+    verb->add_option("--count", args->count, "end after so many")->check(CLI::Range(1L, 1'000'000'000L));
     verb->add_option("--interval", args->interval_s, "seconds between two")
         ->check(number_in(0.01, 3600.0))
         ->capture_default_str();

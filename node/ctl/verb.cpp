@@ -5,6 +5,7 @@
 #include <unistd.h>
 #include <CLI/CLI.hpp>  // all of CLI11, once: see command_line.hpp
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
@@ -119,10 +120,35 @@ std::string quality_text(std::uint32_t quality, std::uint32_t reasons) {
     return text;
 }
 
+namespace {
+
+// Returns "; did you mean --seconds?" for the first word that is no option of the verb but resembles one, else "".
+std::string meant_option(const CLI::App& app, int argc, char** argv) {
+    std::vector<std::string> known;
+    for (const CLI::App* verb = &app; verb != nullptr;
+         verb = verb->get_subcommands().empty() ? nullptr : verb->get_subcommands().front())
+        for (const CLI::Option* option : verb->get_options({}))
+            for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+    for (int i = 1; i < argc; ++i) {
+        const std::string word = std::string(argv[i]).substr(0, std::string_view(argv[i]).find('='));
+        if (!word.starts_with("--") || std::find(known.begin(), known.end(), word) != known.end()) continue;
+        if (const auto near = nearest_name(word, known))
+            return fmt::format("{} is no option here; did you mean {}?", word, *near);
+    }
+    return "";
+}
+
+}  // namespace
+
 int run_program(CLI::App& app, int argc, char** argv, const Run& run) {
     std::signal(SIGPIPE, SIG_IGN);
     try {
         app.parse(argc, argv);
+    } catch (const CLI::ExtrasError& error) {
+        const std::string meant = meant_option(app, argc, argv);
+        if (meant.empty()) return app.exit(error) == 0 ? kGood : kUsage;
+        fmt::print(stderr, "{}: {}\n", app.get_name(), meant);
+        return kUsage;
     } catch (const CLI::ParseError& error) { return flush_output(app.get_name(), app.exit(error) == 0 ? kGood : kUsage); }
     warn_of_shared_folder(app);
     int status = kUnhealthy, write_error = 0;

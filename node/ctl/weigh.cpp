@@ -16,6 +16,7 @@ namespace {
 struct Args {
     std::string node = "gripper";
     double mass_kg = 0, timeout_s = 5;
+    bool force = false;  // also where the mass is far from the present weight
 };
 
 std::string result_text(int result) {
@@ -51,6 +52,8 @@ bool is_in_grams(double mass_kg, double load_kg) {
     return ratio > 1 / kNear && ratio < kNear;
 }
 
+constexpr double kFarApart = 0.2;  // relative difference beyond which another object is likelier than a wrong scale
+
 int weigh(const Args& args, const std::string& what) {
     std::string why;
     const Segment segment = Segment::try_open(args.node, why);
@@ -69,6 +72,15 @@ int weigh(const Args& args, const std::string& what) {
             args.mass_kg, args.mass_kg / node.grasp.weight_kg, node.grasp.weight_kg, args.mass_kg / 1000);
         return kUsage;
     }
+    const double before_kg = node.grasp.weight_kg;
+    const bool is_stable = what == "known" && node.grasp.weight_state == TACTILED_WEIGHT_STABLE;
+    if (is_stable && !args.force && std::abs(args.mass_kg - before_kg) > kFarApart * std::abs(before_kg)) {
+        fmt::print(stderr,
+                   "tactilectl: weigh known: {:g} kg is {:.0f} % of the {:.4f} kg that hang now: is it this object? "
+                   "--force sets the scale all the same\n",
+                   args.mass_kg, 100 * args.mass_kg / before_kg, before_kg);
+        return kUsage;
+    }
     const std::string word = what == "known" ? fmt::format("{:.17g}", args.mass_kg) : what;
     const Answer answer = ask(segment, "weigh " + word, args.timeout_s);
     if (answer.exit_status == kNotReachable)
@@ -76,6 +88,8 @@ int weigh(const Args& args, const std::string& what) {
     else
         fmt::print(answer.exit_status == kGood ? stdout : stderr, "weigh {}: {}\n", what,
                    answer.result == TACTILED_COMMAND_NOT_NOW ? why_not_now(node.grasp, what) : result_text(answer.result));
+    if (answer.exit_status == kGood && is_stable)
+        fmt::print("it read {:.4f} kg, and reads {:g} kg from now on\n", before_kg, args.mass_kg);
     return answer.exit_status;
 }
 
@@ -100,12 +114,11 @@ void add_weigh(CLI::App& app, Run& run) {
     add("stop", "Stops weighing");
     add("zero", "Tares the stable weight, until this grasp ends");
     add("forget", "Removes the scale of a known weight");
-    add("known",
-        "Sets the scale: the stable load weighs MASS, has no tare, and read as at most 5 % of it in the grip before its "
-        "lift")
-        ->add_option("mass", args->mass_kg, "its mass in kg")
-        ->required()
-        ->check(number_in(1e-6, 1000.0));
+    auto* known = add("known",
+                      "Sets the scale: the stable load weighs MASS, has no tare, and read as at most 5 % of it in the grip "
+                      "before its lift");
+    known->add_option("mass", args->mass_kg, "its mass in kg")->required()->check(number_in(1e-6, 1000.0));
+    known->add_flag("--force", args->force, "also where MASS differs by more than 20 % from the present weight");
 }
 
 }  // namespace tactiled::ctl

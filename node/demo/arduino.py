@@ -1,21 +1,22 @@
 #!/usr/bin/python3
 """A stand-in for an Arduino with four channels on a soft sensor: prints the lines of drivers/wire/ascii_line.md behind a pty.
 
-    arduino.py [PORT]                       runs until it is ended; PORT is a link to make, build/demo/arduino if not given
+    arduino.py                              runs until it is ended
     arduino.py load fx_N=0,fy_N=0,fz_N=-5   puts this load on the sensor of a running one
     arduino.py mount                        takes the sensor off and mounts it again: gains and zeros change by about 1 %
+
+ARDUINO=PATH: the link to the pty, build/demo/arduino if not given
 """
-import fcntl
 import os
 import pathlib
 import random
 import signal
 import sys
-import termios
 import time
 import tty
 
-PORT = pathlib.Path("build/demo/arduino")
+PORT = pathlib.Path(os.environ.get("ARDUINO", "build/demo/arduino"))
+AXES = ("fx_N", "fy_N", "fz_N")
 RATE_Hz, NOISE = 100, 0.3
 COUNTS_A_N = ((42.0, 5.0, -38.0), (-44.0, 3.0, -41.0), (2.0, 40.0, -36.0), (-3.0, -43.0, -40.0))
 ZERO = (302.0, 295.0, 310.0, 288.0)
@@ -65,7 +66,6 @@ def run(port):
                 gain = mounted.gauss(1, 0.005)
                 channels.append(zero + mounted.gauss(0, 0.5) + gain * sum(g * f for g, f in zip(gains, load)) + noise.gauss(0, NOISE))
             text = f"{number},{int((time.monotonic() - began) * 1e6)}," + ",".join(f"{c:.2f}" for c in channels)
-            fcntl.ioctl(slave, termios.TIOCNXCL)  # a real port drops the exclusive flag at its last close
             try:
                 os.write(master, f"{text}*{crc16(text.encode()):04X}\r\n".encode())
             except BlockingIOError:
@@ -75,21 +75,30 @@ def run(port):
         port.unlink(missing_ok=True)
 
 
+def loaded(words):
+    """Returns the load of "fx_N=0,fz_N=-5", and ends the program where it is none."""
+    try:
+        parts = dict(part.split("=") for part in words.split(","))
+        if not set(parts) <= set(AXES):
+            raise ValueError
+        return [float(parts.get(name, 0)) for name in AXES]
+    except ValueError:
+        sys.exit(f'arduino.py: "{words}" is no load; write, for example, fx_N=0,fy_N=0,fz_N=-5')
+
+
 def main():
     words = sys.argv[1:]
-    if words and words[0].startswith("-"):
+    if not words:
+        return run(PORT)
+    if words != ["mount"] and (words[0] != "load" or len(words) != 2):
         sys.exit(__doc__)
-    if words and words[0] in ("load", "mount"):
-        mounting, load = read_state(PORT)
-        if words[0] == "mount":
-            mounting += 1
-        else:
-            parts = dict(part.split("=") for part in words[1].split(","))
-            load = [float(parts.get(name, 0)) for name in ("fx_N", "fy_N", "fz_N")]
-        write_state(PORT, mounting, load)
-        time.sleep(0.1)
-        return
-    run(pathlib.Path(words[0]) if words else PORT)
+    load = loaded(words[1]) if words[0] == "load" else None
+    try:
+        mounting, before = read_state(PORT)
+    except OSError:
+        sys.exit(f"arduino.py: none runs at {PORT}; start it first: node/demo/arduino.py &")
+    write_state(PORT, mounting + (load is None), load or before)
+    time.sleep(0.1)
 
 
 if __name__ == "__main__":

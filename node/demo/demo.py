@@ -2,6 +2,7 @@
 """The demo of node/run.sh: a simulated gripper picks, weighs and sorts objects as a PLC commands it, beside a recorded real skin.
 
     demo.py FOLDER PORT [PICKS]    FOLDER has the ports of the jaws; without a terminal, or with PICKS, it prints a line a pick and ends
+    HOLD=SECONDS                   holds the last object of PICKS so long
     PICTURE=FILE.svg               draws the live view while the last object of PICKS is held
 """
 import html
@@ -26,6 +27,7 @@ BINS = {"A": 0.12, "B": 0.21, "C": 0.34}  # kg
 GRIP_STATES = ["open", "contact", "grasped", "lifting", "holding", "slipping", "lost"]
 WEIGHT_STATES = ["none", "estimating", "stable", "overload", "not observable"]
 PAUSED = "paused with open jaws, so that a tare succeeds: tactilectl tare left; p goes on"
+HELD = "held, so that a known weight succeeds: tactilectl weigh known {:.4f}; h goes on"
 QUALITY = {tactiled.GOOD: ("GOOD", 32), tactiled.UNCERTAIN: ("UNCERTAIN", 33), tactiled.BAD: ("BAD", 31)}
 FULL_N, BAR = 10.0, 16
 WIDTH = 80  # columns of a plain terminal
@@ -42,6 +44,8 @@ class Task(threading.Thread):
         self.true_kg, self.done, self.failure = 0.0, "", None
         self.held = lambda: None  # called while a weighed object is held
         self.pause, self.paused = False, False  # asked for by a key; between two picks, with open jaws
+        self.hold, self.holds = False, False    # asked for by a key; the object of this pick, once it is weighed
+        self.hold_s = float(os.environ.get("HOLD", 0))
 
     def run(self):
         try:
@@ -70,12 +74,27 @@ class Task(threading.Thread):
             self.done = (f"pick {self.number}: {seen['kg']:.4f} +- {seen['sd_kg']:.4f} kg, true weight {self.true_kg:.4f} kg, "
                          f"bin {chosen}: {'right' if right else 'WRONG'}")
             self.held()
-            time.sleep(0.5)
+            self.keep(0.5)
         except NotSeen as step:
+            if self.plc.ended.is_set():
+                self.number -= 1
+                return
             self.failed += 1
             self.done = f"pick {self.number}: given up: no {step} was seen"
         self.plc.release(self.gripper)
         self.say(self.done)
+
+    def keep(self, seconds):
+        """Holds the object for this time, for HOLD seconds if it is the last one, and as long as the key says so."""
+        if self.number == self.picks and self.hold_s > 0:
+            seconds = self.hold_s
+            self.say(f"pick {self.number}: {self.true_kg:.4f} kg are held for {seconds:g} s")
+        until = time.monotonic() + seconds
+        while (self.hold or time.monotonic() < until) and not self.plc.ended.is_set():
+            self.holds = self.hold
+            self.plc.scan()
+            time.sleep(0.05)
+        self.holds = False
 
 
 def paint(text, colour):
@@ -88,10 +107,11 @@ def force_line(name, sample):
     known = sample.quality in (tactiled.GOOD, tactiled.UNCERTAIN)
     press = max(0.0, -force[2]) if known else 0.0
     filled = min(BAR, round(BAR * press / FULL_N))
+    bar = "#" * filled + "." * (BAR - filled) if press <= FULL_N else "#" * (BAR - 1) + ">"
     numbers = "".join(f"{f:8.2f}" if known and f == f else "       -" for f in force)
     reasons = " ".join(sample.reasons_text)
     contact = "contact" if known and press > 0.5 else ""
-    return f"{name:<6} {'#' * filled}{'.' * (BAR - filled)} {numbers}  {contact:<8}{paint(word, colour)} {reasons}"
+    return f"{name:<6} {bar} {numbers} {contact:<7} {paint(word, colour)} {reasons}"
 
 
 def cropped(line, width):
@@ -111,11 +131,11 @@ def screen(node, task, fault, port):
     grip = GRIP_STATES[g.state] if g.state < len(GRIP_STATES) else "unknown"
     weight = f"{g.weight_kg:.4f} +- {g.weight_sd_kg:.4f} kg" if g.weight_kg == g.weight_kg else "-"
     lines = ["tactiled: a pick task through Modbus. Gripper: simulated; skin: real, recorded.", "",
-             f"{'':<6} {'press 0 .. 10 N':<{BAR}} {'fx/N':>8}{'fy/N':>8}{'fz/N':>8}"]
+             f"{'':<6} {'press 0 .. 10 N':<{BAR}} {'fx/N':>8}{'fy/N':>8}{'fz/N':>8}  - no value, or not measured"]
     lines += [force_line(name, sample) for name, sample in samples.items()]
     lines += ["", f"grip {grip:<9} weight {weight:<20} {WEIGHT_STATES[min(g.weight_state, 4)]:<14} true {task.true_kg:.4f} kg",
-              PAUSED if task.paused else task.done, f"sorted: {task.right} right, {task.wrong} wrong, {task.failed} given up", "",
-              "keys: " + "  ".join(f"{key} {name}" for key, (name, _) in FAULTS.items()) + "  r repair  p pause  q quit",
+              PAUSED if task.paused else HELD.format(task.true_kg) if task.holds else task.done, f"sorted: {task.right} right, {task.wrong} wrong, {task.failed} given up", "",
+              "keys: " + "  ".join(f"{key} {name}" for key, (name, _) in FAULTS.items()) + "  r repair  p pause  h hold  q quit",
               paint(f"fault: {FAULTS[fault][1]}", 31) if fault else "fault: none", "",
               "In another terminal: build/release/bin/tactilectl status, or read left --follow,",
               f"or as a PLC: mbpoll -m tcp -p {port} -t 3:hex -0 -r 0 -c 32 -1 127.0.0.1"]
@@ -155,6 +175,8 @@ def watch(node, gripper, task, port):
                     return
                 if key == "p":
                     task.pause = not task.pause
+                if key == "h":
+                    task.hold = not task.hold
                 if key in FAULTS or key == "r":
                     fault = key if key in FAULTS else ""
                     gripper.inject(key)
@@ -201,7 +223,7 @@ def main():
     task.join(5)
     gripper.finish()
     if task.failure is not None:
-        sys.exit(f"demo: {task.failure}")
+        sys.exit(f"demo: the daemon does not answer through Modbus ({task.failure}): build/demo/tactiled.log may have the reason")
     print(f"{task.right} objects were sorted into the right bin, {task.wrong} into a wrong one, {task.failed} were given up")
     sys.exit(0 if task.wrong == 0 and task.right > 0 else 1)
 

@@ -34,7 +34,7 @@ struct Args {
     unsigned baud = 0, scale_baud = 9600;
     int device = -1;
     double seconds = 2, settle_s = 0.3;
-    bool json = false;
+    bool json = false, force = false;
 };
 
 // The driver of a link, without node and sensor.
@@ -197,10 +197,20 @@ int capture(Args args) {
                             read));
         if (rows.size() != read)
             fmt::print(stderr, "tactilectl: {} of {} frames had no reference\n", read - rows.size(), read);
+        const auto channels = steadiness(rows, file.channels());
+        const auto moving = moving_channels(channels, file);
+        if (!args.json) print_load(rows, channels);
+        if (!measured && !args.force && !moving.empty()) {
+            fmt::print(stderr,
+                       "tactilectl: the load changed while it was read ({}): these rows are not appended; wait until it "
+                       "rests (--settle), or --force appends them\n",
+                       fmt::join(moving, " "));
+            ++refused;
+            if (typed) break;
+            continue;
+        }
         file.append(rows, session);
         captured += rows.size();
-        const auto channels = steadiness(rows, file.channels());
-        if (!args.json) print_load(rows, channels);
         loads.push_back(load_json(rows, channels));
         if (measured || typed) break;
     }
@@ -235,7 +245,7 @@ void add_capture(CLI::App& app, Run& run) {
     auto* verb = add_verb(app, "capture", laboratory_help("capture"),
                           "  tactilectl capture /dev/ttyACM0 --label fz_N=-4.905 --append labelled.csv\n"
                           "  tactilectl capture usb0 --config my.toml --reference ft300 --append labelled.csv\n");
-    verb->add_option("what", args->what, "a link of --config, a serial port, or ADDRESS:PORT")->required();
+    verb->add_option("port", args->what, "a link of --config, a serial port, or ADDRESS:PORT")->required();
     verb->add_option("--append", args->append, "labelled.csv, which is created or continued")->required();
     verb->add_option("--config", args->config, "the configuration that has the link")->capture_default_str();
     verb->add_option("--label", args->labels, "the load, frame S: fz_N=-5 is a press of 5 N; without it: asked for")
@@ -257,6 +267,7 @@ void add_capture(CLI::App& app, Run& run) {
     verb->add_option("--settle", args->settle_s, "seconds to wait before them")
         ->check(number_in(0.0, 3600.0))
         ->capture_default_str();
+    verb->add_flag("--force", args->force, "append the rows of a load that changed while it was read, too");
     verb->add_flag("--json", args->json, "one JSON object");
     verb->callback([args, &run] {
         if (int(!args->labels.empty()) + int(!args->reference.empty()) + int(!args->scale.empty()) > 1)

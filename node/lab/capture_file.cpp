@@ -52,7 +52,7 @@ CaptureFile::CaptureFile(std::string path, std::vector<std::string> channels)
     CsvReader csv(path_);
     columns_ = csv.columns();
     std::vector<std::string> there;
-    std::vector<std::size_t> at;
+    std::vector<std::size_t> at, channel_at;
     for (std::size_t k = 0; k < columns_.size(); ++k) {
         const std::size_t c = component_of(columns_[k]);
         if (c < 6) {
@@ -60,6 +60,7 @@ CaptureFile::CaptureFile(std::string path, std::vector<std::string> channels)
             at.push_back(k);
         } else if (columns_[k] != "t_s" && columns_[k] != "session") {
             there.push_back(columns_[k]);
+            channel_at.push_back(k);
         }
     }
     if (std::ifstream last(path_, std::ios::binary | std::ios::ate); last) {
@@ -83,6 +84,7 @@ CaptureFile::CaptureFile(std::string path, std::vector<std::string> channels)
         last_session_ = std::string(csv.text(*session));
         last_t_s_ = std::max(last_t_s_, csv.number(*time));
         note(load, last_session_);
+        for (std::size_t k = 0; k < channel_at.size(); ++k) note_channel(k, csv.number(channel_at[k]));
     }
 }
 
@@ -99,6 +101,18 @@ void CaptureFile::note(const Load& load, const std::string& session) {
         }
     const auto [at, is_first] = smallest_of_session_.try_emplace(session, largest);
     if (!is_first) at->second = std::min(at->second, largest);
+}
+
+void CaptureFile::note_channel(std::size_t k, double value) {
+    if (!std::isfinite(value)) return;
+    while (extremes_.size() <= k)
+        extremes_.emplace_back(std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity());
+    extremes_[k].first = std::min(extremes_[k].first, value);
+    extremes_[k].second = std::max(extremes_[k].second, value);
+}
+
+double CaptureFile::range(std::size_t k) const {
+    return k < extremes_.size() ? std::max(0.0, extremes_[k].second - extremes_[k].first) : 0;
 }
 
 void CaptureFile::check(const Load& load) const {
@@ -148,6 +162,7 @@ void CaptureFile::append(const std::vector<CapturedRow>& rows, const std::string
         text += '\n';
         last_t_s_ = t_s;
         note(row.load, session);
+        for (std::size_t k = 0; k < row.channel.size(); ++k) note_channel(k, row.channel[k]);
     }
     File file(std::fopen(path_.c_str(), "ae"));
     if (file == nullptr || std::fwrite(text.data(), 1, text.size(), file.get()) != text.size() ||

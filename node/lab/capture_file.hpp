@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "node/lab/capture_load.hpp"
@@ -33,6 +34,9 @@ public:
     // setup: throws SetupError where the file has a label that a row lacks, or the reverse; SaveError where it cannot be written
     void append(const std::vector<CapturedRow>& rows, const std::string& session);
 
+    // Returns the greatest less the smallest value of channel k in the file; 0 without a row.
+    [[nodiscard]] double range(std::size_t k) const;
+
     // Returns the loads that a calibration still needs, one sentence each; empty if nothing obvious is missing.
     [[nodiscard]] std::vector<std::string> missing() const;
     // Returns "fz_N: -9.8 .. 0 in 3 loads", one line per label.
@@ -40,6 +44,7 @@ public:
 
 private:
     void note(const Load& load, const std::string& session);
+    void note_channel(std::size_t k, double value);
 
     std::string path_;
     std::vector<std::string> channels_;
@@ -48,6 +53,7 @@ private:
     std::string last_session_ = "1";
     double last_t_s_ = 0;
     bool ends_with_a_line_ = true;
+    std::vector<std::pair<double, double>> extremes_;  // smallest and greatest value of each channel
     std::map<std::string, std::size_t> rows_of_session_;
     std::map<std::string, double> smallest_of_session_;  // the smallest load of its rows: their largest component
     Load last_load_{};

@@ -125,6 +125,11 @@ Load parse_load(const std::vector<std::string>& words) {
             const std::string name = word.substr(0, equals);
             const auto found = std::find(known.begin(), known.end(), name);
             const auto value = equals == word.npos ? std::nullopt : number_of(std::string_view(word).substr(equals + 1));
+            if (equals == word.npos && number_of(word))
+                throw SetupError(
+                    fmt::format("label {}: a number without a name; write a decimal point in {}=-0.5, and a "
+                                "comma between two loads",
+                                in_quotes(word), known[2]));
             if (found == known.end())
                 throw SetupError(fmt::format("label {}: {} {}", in_quotes(word), in_quotes(name), is_unknown(name, known)));
             if (!value)

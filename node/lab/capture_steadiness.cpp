@@ -10,6 +10,8 @@ namespace {
 
 // A channel of few bits repeats itself for some rows at rest; fewer rows than this show nothing.
 constexpr std::size_t kStuckRows = 10;
+// A creeping skin moves less within some seconds, and a changing load more.
+constexpr double kMoved = 0.05;
 
 Steadiness steadiness_of(const std::vector<CapturedRow>& rows, std::size_t k, const std::string& name) {
     Steadiness s;
@@ -39,6 +41,17 @@ Steadiness steadiness_of(const std::vector<CapturedRow>& rows, std::size_t k, co
 
 }  // namespace
 
+// The means of a quarter scatter far less than a reading.
+bool Steadiness::moves() const { return std::abs(drift) > 2 * sd; }
+
+std::vector<std::string> moving_channels(const std::vector<Steadiness>& channels, const CaptureFile& file) {
+    std::vector<std::string> names;
+    for (std::size_t k = 0; k < channels.size(); ++k)
+        if (channels[k].moves() && file.range(k) > 0 && std::abs(channels[k].drift) > kMoved * file.range(k))
+            names.push_back(channels[k].name);
+    return names;
+}
+
 std::vector<Steadiness> steadiness(const std::vector<CapturedRow>& rows, const std::vector<std::string>& names) {
     std::vector<Steadiness> all;
     for (std::size_t k = 0; k < names.size(); ++k) all.push_back(steadiness_of(rows, k, names[k]));
@@ -61,9 +74,8 @@ void print_load(const std::vector<CapturedRow>& rows, const std::vector<Steadine
     fmt::print("{}: {} rows in {:.1f} s\n{:>10} {:>12} {:>10} {:>12} {:>12} {:>10}\n", load_text(rows.front().load),
                rows.size(), seconds, "channel", "mean", "sd", "lowest", "highest", "drift");
     for (const Steadiness& s : channels) {
-        const bool drifts = std::abs(s.drift) > 2 * s.sd;  // the means of a quarter scatter far less than a reading
         fmt::print("{:>10} {:>12.6g} {:>10.3g} {:>12.6g} {:>12.6g} {:>10.3g}{}{}\n", s.name, s.mean, s.sd, s.min, s.max,
-                   s.drift, drifts ? "  still moves: wait longer, --settle" : "",
+                   s.drift, s.moves() ? "  still moves: wait longer, --settle" : "",
                    s.missing != 0 ? fmt::format("  {} missing", s.missing) : "");
     }
     for (const auto& line : stuck_channels(channels)) fmt::print("warning: {}\n", line);

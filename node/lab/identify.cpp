@@ -115,7 +115,7 @@ void add_identify(CLI::App& app, Run& run) {
     auto args = std::make_shared<Args>();
     auto* verb = add_verb(app, "identify", laboratory_help("identify"),
                           "  tactilectl identify /dev/ttyACM0 >> my.toml\n  tactilectl identify 192.168.1.1:63350\n");
-    verb->add_option("what", args->what, "a serial port, ADDRESS:PORT, or a link of --config")->required();
+    verb->add_option("port", args->what, "a serial port, ADDRESS:PORT, or a link of --config")->required();
     verb->add_option("--config", args->config, "the configuration that has the link")->capture_default_str();
     verb->add_option("--name", args->name, "name of the printed [[link]]");
     verb->add_option("--baud", args->baud, "try this rate alone")->check(CLI::Range(50, 12'000'000));

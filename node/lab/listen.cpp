@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <filesystem>
 
 #include "config/text_file.hpp"
 #include "drivers/tcp.hpp"
@@ -63,8 +64,10 @@ std::optional<StreamGuess> guess_of(const std::vector<std::uint8_t>& bytes, doub
 
 std::string Heard::keys() const {
     if (!guess) return "";
-    return network ? fmt::format("driver = \"tcp\"\naddress = {}\n{}", toml_text(device), guess->keys)
-                   : fmt::format("driver = \"uart\"\ndevice = {}\nbaud = {}\n{}", toml_text(device), baud, guess->keys);
+    if (network) return fmt::format("driver = \"tcp\"\naddress = {}\n{}", toml_text(device), guess->keys);
+    // From the root: a daemon sees a relative path from the folder of its own start.
+    const std::string path = std::filesystem::absolute(device).lexically_normal().string();
+    return fmt::format("driver = \"uart\"\ndevice = {}\nbaud = {}\n{}", toml_text(path), baud, guess->keys);
 }
 
 std::string device_of(const std::string& word) {
@@ -116,6 +119,8 @@ std::string why_no_format(const std::vector<std::uint8_t>& bytes) {
             "of no known format: \"{}\"; send lines of numbers (drivers/wire/ascii_line.md), or try another "
             "--baud",
             shown);
+    if (std::none_of(bytes.begin(), bytes.end(), [](std::uint8_t byte) { return byte == '\n' || byte == '\r'; }))
+        return fmt::format("no end of a line in \"{}\"; end each frame with one, as Serial.println() does", shown);
     std::string numbers;  // from the second line, because the first one may have lost its beginning
     bool in_number = false;
     int line = 0;
@@ -135,6 +140,11 @@ std::string link_text(const std::string& name, const std::string& keys) {
 }
 
 NamedDevice device_of_link(const std::string& config, const std::string& link) {
+    if (::access(config.c_str(), F_OK) != 0)
+        throw SetupError(
+            fmt::format("{} is no port in this folder or in /dev, and there is no {} with a [[link]] of this name: give the "
+                        "path of a port, such as /dev/ttyACM0, or --config",
+                        in_quotes(link), config));
     Problems problems;
     Options root = Options::parse_file(config, problems);
     if (!problems.empty())

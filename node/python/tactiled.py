@@ -311,7 +311,7 @@ def _open_file(folder, name):
     except FileNotFoundError:
         raise
     except OSError as e:
-        raise Error(f"{path}: {e.strerror}{' (join the segment' + chr(39) + 's group)' if e.errno == errno.EACCES else ''}") from None
+        raise Error(f"{path}: {e.strerror}{' (join the group of the segment: ls -l shows it)' if e.errno == errno.EACCES else ''}") from None
     finally:
         os.close(place)
     status = os.fstat(fd)

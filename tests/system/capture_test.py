@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 """From an unknown port to newtons: identify, capture, calibrate and the daemon, on a device with a known matrix
 behind a pty."""
-import fcntl
 import json
 import os
 import pathlib
@@ -11,7 +10,6 @@ import re
 import shutil
 import subprocess
 import tempfile
-import termios
 import threading
 import time
 import tty
@@ -38,7 +36,7 @@ class Device:
 
     def __init__(self, rate=100, line=None, noise=0.3):
         self.load, self.rate, self.noise = [0.0, 0.0, 0.0], rate, noise
-        self.line = line or self.full_line
+        self.line, self.end = line or self.full_line, "\r\n"
         self.master, self.slave = pty.openpty()
         tty.setraw(self.slave)
         os.set_blocking(self.master, False)
@@ -58,9 +56,8 @@ class Device:
         began, n = time.monotonic(), 0
         while self.running:
             time.sleep(max(0, began + n / self.rate - time.monotonic()))
-            fcntl.ioctl(self.slave, termios.TIOCNXCL)  # a real port drops the exclusive flag at its last close
             try:
-                os.write(self.master, (self.line(n, int((time.monotonic() - began) * 1e6)) + "\r\n").encode())
+                os.write(self.master, (self.line(n, int((time.monotonic() - began) * 1e6)) + self.end).encode())
             except BlockingIOError:
                 pass
             n += 1
@@ -128,12 +125,29 @@ class Identify(Case):
             self.assertIn("numbers with words", done.stderr)
             self.assertIn(f'let the device send the numbers alone, such as "{numbers}"', done.stderr)
 
+    def test_numbers_without_the_end_of_a_line_are_named(self):
+        device = self.device()
+        device.line, device.end = lambda n, t: "1,2", ""
+        done = ctl("identify", device.path, "--seconds", "0.5")
+        self.assertEqual(done.returncode, 1)
+        self.assertIn("no end of a line", done.stderr)
+        self.assertIn("Serial.println()", done.stderr)
+
+    @unittest.skipIf(os.geteuid() != 0, "root alone can act as another user")
+    def test_a_pseudo_terminal_can_be_opened_again_by_a_normal_user(self):
+        """Its master keeps it alive, with the flags of the last user; nobody but root could open an exclusive one."""
+        device = self.device()
+        os.chown(device.path, 65534, 65534)
+        for _ in range(2):
+            done = ctl("identify", device.path, "--seconds", "0.5", user=65534, group=65534, extra_groups=[])
+            self.assertEqual(done.returncode, 0, done.stderr)
+
     def test_a_port_needs_no_folder_in_its_name(self):
         port = self.device(line=lambda n, t: f"{n % 7} 5").path
         (self.folder / "ttyX").symlink_to(port)
         done = ctl("identify", "ttyX", cwd=self.folder)
         self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertIn('device = "./ttyX"', done.stdout)
+        self.assertIn(f'device = "{self.folder}/ttyX"', done.stdout)  # a daemon may start elsewhere
         done = ctl("identify", "ttyY", cwd=self.folder)
         self.assertEqual(done.returncode, 2)
         self.assertIn('"ttyY" is no port in this folder or in /dev', done.stderr)
@@ -292,6 +306,29 @@ class Capture(Case):
         self.assertAlmostEqual(channels[0]["drift"], 150, delta=30)  # three quarters of 2 s at 100 per second
         self.assertAlmostEqual(channels[1]["sd"], 0.5, delta=0.05)
         self.assertLess(abs(channels[1]["drift"]), 0.2)
+
+    def test_a_load_that_changes_is_not_appended(self):
+        device, file = self.device(), self.folder / "a.csv"
+        for load in (0.0, -5.0):
+            device.load[2] = load
+            words = ("capture", device.path, "--append", file, "--seconds", "0.5", "--label", f"fx_N=0,fy_N=0,fz_N={load}")
+            self.assertEqual(ctl(*words).returncode, 0)
+        before = file.read_text()
+        began, full_line = time.monotonic(), device.line
+
+        def slowly_unloaded(n, t_us):
+            device.load[2] = -5.0 + 0.5 * (time.monotonic() - began)
+            return full_line(n, t_us)
+        device.line = slowly_unloaded
+        words = [*words[:5], "2", *words[6:]]
+        moved = ctl(*words)
+        self.assertEqual(moved.returncode, 1, moved.stdout)
+        self.assertIn("the load changed while it was read (c1 ", moved.stderr)
+        self.assertEqual(file.read_text(), before)
+        self.assertEqual(ctl(*words, "--force").returncode, 0)
+        self.assertGreater(len(file.read_text()), len(before))
+        done = ctl("capture", device.path, "--append", file, "--label", "5")
+        self.assertIn("write a decimal point", done.stderr)
 
     def test_a_sensor_of_the_daemon_is_the_reference(self):
         with unit_daemon("0,0,0,-5\n0.01,0,0,-5\n") as d:

@@ -63,6 +63,9 @@ class Check(unittest.TestCase):
             self.assertEqual(len(lines), 1, done.stderr)
             self.assertIn("did you mean", lines[0])
 
+    def test_an_unknown_table_names_every_known_one(self):
+        self.assertIn("known: node, realtime, link, sensor, modbus, shm, grasp, tool, gpio", self.check(CONFIG + "\n[xyzzy]\na = 1\n").stderr)
+
     def test_a_configuration_with_tabs_and_one_from_another_folder(self):
         tabs = re.sub(r" *= *", "\t=\t", CONFIG.replace("{folder}/unit.toml", "unit.toml")).replace("\nname", "\n\tname").replace("\n", "\r\n")
         self.assertEqual(self.check(tabs).returncode, 0, self.check(tabs).stderr)

@@ -40,6 +40,21 @@ class Words(unittest.TestCase):
         self.assertEqual(ctl().returncode, 2)
         self.assertIn("no verb is given", ctl().stderr)
 
+    def test_a_misspelt_option_names_the_nearest_one(self):
+        done = ctl("record", "a.mcap", "--second", "0.5")
+        self.assertEqual(done.returncode, 2)
+        self.assertEqual(done.stderr, "tactilectl: --second is no option here; did you mean --seconds?\n")
+        self.assertIn("not expected", ctl("record", "a.mcap", "--xyzzy").stderr)
+        for words in (("--count", "3"), ("--follow", "--count", "-3"), ("--follow", "--count", "0")):
+            done = ctl("read", "left", *words)
+            self.assertEqual(done.returncode, 2, words)
+            self.assertLess(len(done.stderr), 300)
+
+    def test_every_verb_has_a_manual_page(self):
+        made = (ROOT / "systemd/CMakeLists.txt").read_text()
+        pages = re.search(r"foreach\(verb (.*) \$", made).group(1).split() + re.search(r"set\(laboratory (.*)\)", made).group(1).split()
+        self.assertEqual(sorted(pages), sorted(VERBS))
+
     def test_every_verb_has_its_exit_statuses_in_its_help(self):
         for verb in VERBS:
             text = ctl(verb, "--help").stdout
@@ -177,6 +192,12 @@ class Faults(unittest.TestCase):
             self.assertIn("FAULT  sensor lost", d.ctl("status").stdout)
             self.assertIn("sensor lost", d.ctl("top", "--count", "1").stdout)
 
+
+    def test_lines_that_are_all_refused_are_no_silence(self):
+        with unit_daemon(config=CONFIG.replace("sequence = true\n", 'checksum = "crc16"\n')) as d:
+            d.start()
+            wait_for(lambda: "bytes arrive, and every frame of them is refused (bad_checksum " in d.ctl("status").stdout, 5, "the reason")
+            self.assertNotIn("the device is silent", d.ctl("status").stdout)
 
     def test_a_coarse_sensor_at_rest_is_told_what_to_write(self):
         with unit_daemon(config=CONFIG.replace("frozen_after = 0", "frozen_after = 20")) as d:

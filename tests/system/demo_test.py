@@ -126,6 +126,12 @@ class Demo(unittest.TestCase):
             tare = subprocess.run([*self.before, BIN / "tactilectl", "tare", "left"], cwd=self.folder, env=env, capture_output=True, text=True)
             self.assertEqual(tare.returncode, 0, tare.stderr)
         screen.key("p")
+        screen.key("h")
+        held = screen.wait("held object", lambda lines: any(line.startswith("held, so that") for line in lines), 30)
+        kg = re.search(r"weigh known (0\.\d+)", "\n".join(held)).group(1)
+        known = subprocess.run([*self.before, BIN / "tactilectl", "weigh", "known", kg], cwd=self.folder, env=env, capture_output=True, text=True)
+        self.assertEqual(known.returncode, 0, known.stderr)
+        screen.key("h")
         screen.wait("next pick", lambda lines: "open" not in line_of(lines, "grip"), 30)
         screen.key("u")
         screen.wait("unplugged jaw", lambda lines: "BAD" in line_of(lines, "left") and line_of(lines, "fault: the left jaw's cable"))
@@ -156,6 +162,8 @@ class Demo(unittest.TestCase):
         self.assertRegex(screen.text, r"\d+ objects were sorted into the right bin, 0 into a wrong one")
         self.assertFalse((self.folder / "build/demo/left").is_symlink())
         top.wait("ended daemon", lambda lines: "left" not in "\n".join(lines) or "dead" in "\n".join(lines))
+        top.key("q")
+        top.process.wait(5)
 
     def test_a_second_demo_leaves_the_first_alone(self):
         screen = self.start()

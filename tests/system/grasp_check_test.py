@@ -47,7 +47,7 @@ class GraspCheck(unittest.TestCase):
                 text += f"share = {shares[j]}\n"
         return text
 
-    def check(self, jaws, config_of, place=lambda j: j, contact_on_N=0.5, full_scale=100.0, dead=None):
+    def check(self, jaws, config_of, place=lambda j: j, contact_on_N=0.5, full_scale=100.0, dead=None, said_kg=None):
         """Runs the verb. `place`: where the sensor of jaw j truly sits. Returns (status, text)."""
         rng = random.Random(f"{jaws} {self.id()}")
         self.names = [f"jaw{j}" for j in range(jaws)]
@@ -74,7 +74,7 @@ class GraspCheck(unittest.TestCase):
         poses = [lambda: put((0, 0, 0), 0), lambda: put((0, 0, 0), 1), lambda: put((0, 0, weight), 1.02),
                  lambda: put((*(weight * math.sin(TILT) * a for a in lower[:2]), weight * math.cos(TILT)), 0.99)]
         steps = [lambda pose=pose: (pose(), time.sleep(0.2))[0] for pose in poses]
-        status, text = guide(daemon, ["grasp-check", self.MASS_kg, "--seconds", 0.4], steps)
+        status, text = guide(daemon, ["grasp-check", said_kg or self.MASS_kg, "--seconds", 0.4], steps)
         return status, text
 
     def run_with(self, jaws, frames, **more):
@@ -92,6 +92,12 @@ class GraspCheck(unittest.TestCase):
         for jaws in (2, 3):
             status, text = self.run_with(jaws, self.right(jaws))
             self.assertEqual((status, "good: " in text), (0, True), text)
+
+    def test_without_an_object_no_line_is_printed(self):
+        self.PRESS_N, self.MASS_kg, mass = 0, 0, self.MASS_kg
+        self.configured = self.right(2)
+        with self.assertRaisesRegex(AssertionError, "2 of 4: .*not taken: no jaw feels an object"):  # it asks again
+            self.check(2, lambda: self.config(self.right(2)), said_kg=mass)
 
     def test_gravity_with_the_wrong_sign(self):
         status, text = self.run_with(2, self.right(2), gravity=(0, 0, -G_m_s2))

@@ -75,9 +75,8 @@ class Installed(unittest.TestCase):
         return [line for line in out.splitlines() if line.endswith(" N")]
 
     def test_pkg_config_builds_the_c_example(self):
-        """The prefix in pkg-config is the configured one: it is replaced here, as in a cross build."""
         where = {**os.environ, "PKG_CONFIG_PATH": str(self.prefix / "share/pkgconfig")}
-        words = subprocess.run(["pkg-config", f"--define-variable=prefix={self.prefix}", "--cflags", "tactiled >= 0.1"], env=where,
+        words = subprocess.run(["pkg-config", "--cflags", "tactiled >= 0.1"], env=where,
                                capture_output=True, text=True, check=True).stdout.split()
         for standard in ("-std=gnu11", "-std=gnu17"):
             subprocess.run(["cc", "-Wall", "-Wextra", "-Werror", standard, *words, self.folder / "example.c", "-o",

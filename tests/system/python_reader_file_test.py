@@ -99,7 +99,7 @@ class AFile(unittest.TestCase):
             code = f"tactiled = __import__('types').ModuleType('tactiled')\nexec({module!r}, tactiled.__dict__)\ntry: tactiled.open({name!r})\nexcept tactiled.Error as e: print(e)"
             nobody = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]
             done = subprocess.run([*nobody, sys.executable, "-B", "-"], input=code, capture_output=True, text=True, cwd="/")
-            self.assertIn("join the segment's group", done.stdout, done.stderr)
+            self.assertIn("join the group of the segment", done.stdout, done.stderr)
 
     def test_of_a_later_minor_version_with_larger_records_is_read(self):
         with a_copy(self.data) as copy:

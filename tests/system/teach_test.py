@@ -119,6 +119,15 @@ class Teach(unittest.TestCase):
         self.assertEqual(self.node.grasp.state, tactiled.GRIP_HOLDING)
 
     @unittest.skipUnless(PROGRAM.exists(), "tactiled-web is not built")
+    def test_different_objects_are_not_one(self):
+        masses = iter((0.15, 0.25, 0.2, 0.3, 0.15, 0.25))
+        hold = self.hold
+        self.hold = lambda _: hold(next(masses))
+        taught = self.teach("bolt", 0, 3)
+        self.assertEqual(taught.returncode, 1, taught.stdout)
+        self.assertIn("they are of different objects. Nothing stored", taught.stderr)
+        self.assertFalse(self.objects.exists())
+
     def test_the_web_page_teaches_the_object_that_hangs(self):
         with Web(self.daemon.name, token=TOKEN) as web:
             self.addCleanup(shutil.rmtree, web.folder)
@@ -173,7 +182,17 @@ class Teach(unittest.TestCase):
         self.assertIn("for grams write 0.2", grams.stderr)
         self.assertRegex(grams.stderr, r"200 kg is [\d]+ times the 0\.(19|20)\d* kg that hang now")
         self.assertFalse(self.node.grasp.scale_shown)  # unchanged
-        self.assertEqual(self.daemon.ctl("weigh", "known", "0.21").returncode, 0)
+        other = self.daemon.ctl("weigh", "known", "0.1")
+        self.assertEqual(other.returncode, 2)
+        self.assertIn("is it this object?", other.stderr)
+        self.assertFalse(self.node.grasp.scale_shown)
+        self.assertEqual(self.daemon.ctl("weigh", "known", "0.1", "--force").returncode, 0)
+        wait_for(lambda: abs(self.node.grasp.weight_kg - 0.1) < 0.001, 2, "the scale of another object")
+        self.assertEqual(self.daemon.ctl("weigh", "forget").returncode, 0)
+        wait_for(lambda: self.node.grasp.weight_state == tactiled.WEIGHT_STABLE and abs(self.node.grasp.weight_kg - 0.2) < 0.001, 4, "a weight without it")
+        known = self.daemon.ctl("weigh", "known", "0.21")
+        self.assertEqual(known.returncode, 0)
+        self.assertRegex(known.stdout, r"it read 0\.(19|20)\d* kg, and reads 0\.21 kg from now on")
         self.assertEqual(self.daemon.ctl("weigh", "known", "nan").returncode, 2)
         wait_for(lambda: abs(self.node.grasp.weight_kg - 0.21) < 0.001, 2, "the scale")
         self.assertTrue(self.node.grasp.scale_shown)

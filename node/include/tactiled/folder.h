@@ -150,7 +150,7 @@ static inline int tactiled_open_file(const char* folder, const char* name, struc
     if (fd < 0) {
         snprintf(why, why_size, "%s/%s: %s%s", folder, name, strerror(error),
                  error == ENOENT   ? " (no daemon of that name runs)"
-                 : error == EACCES ? " (join the segment's group)"
+                 : error == EACCES ? " (join the group of the segment: ls -l shows it)"
                                    : "");
         errno = error;
         return -1;
