@@ -50,8 +50,14 @@ public:
     void set_temperature(const TemperatureInUse& in_use) noexcept override {
         for (FrontMethod& each : front_) each.decoupler->set_temperature(in_use);
     }
-    void set_delay(double delay_s) noexcept override {
-        for (FrontMethod& each : front_) each.decoupler->set_delay(delay_s);
+    void set_delay(std::span<const double> of_channel_s) noexcept override {
+        for (FrontMethod& each : front_) each.decoupler->set_delay(of_channel_s);
+    }
+    // The channels of all methods, since each may run.
+    [[nodiscard]] std::uint32_t timed_by(std::size_t c) const noexcept override {
+        std::uint32_t channels = 0;
+        for (const FrontMethod& each : front_) channels |= each.decoupler->timed_by(c);
+        return channels;
     }
     void forget() noexcept override { front_[choice_.now()].decoupler->forget(); }
 

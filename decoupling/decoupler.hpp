@@ -59,8 +59,10 @@ public:
     // Removes what depends on the past, after missed readings or one that is not valid. rt: wait-free
     virtual void forget() noexcept {}
 
-    // The known delay of the measuring chain: the channels of a reading may be of instants so far apart. setup
-    virtual void set_delay(double /*delay_s*/) noexcept {}
+    // The known delay of each channel, from the middle of what it measured to t_ns of the reading, s. setup
+    virtual void set_delay(std::span<const double> /*of_channel_s*/) noexcept {}
+    // Returns the channels, bit k, whose delay component c has: those by which it follows a change of the load. setup
+    [[nodiscard]] virtual std::uint32_t timed_by(std::size_t /*c*/) const noexcept { return ~0u; }
     // From then on the standard deviation contains what temperature can change (temperature.hpp). setup
     virtual void set_temperature(const TemperatureInUse& /*in_use*/) noexcept {}
 

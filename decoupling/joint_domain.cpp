@@ -35,7 +35,8 @@ public:
         return estimate;
     }
     void forget() noexcept override { inner_->forget(); }
-    void set_delay(double delay_s) noexcept override { inner_->set_delay(delay_s); }
+    void set_delay(std::span<const double> of_channel_s) noexcept override { inner_->set_delay(of_channel_s); }
+    [[nodiscard]] std::uint32_t timed_by(std::size_t c) const noexcept override { return inner_->timed_by(c); }
     [[nodiscard]] std::string_view method() const noexcept override { return inner_->method(); }
 
 private:

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "config/names.hpp"
+#include "decoupling/latency.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -68,11 +69,11 @@ public:
         n_past_ = 0;
         inner_->forget();
     }
-    void set_delay(double delay_s) noexcept override {
-        // Channels may be converted one after the other: the oldest is then twice as old as the mean.
-        spacing_ns_ = std::uint64_t(2 * delay_s / double(kPast) * 1e9);
-        inner_->set_delay(delay_s);
+    void set_delay(std::span<const double> of_channel_s) noexcept override {
+        spacing_ns_ = std::uint64_t(measured_over_s(of_channel_s) / double(kPast) * 1e9);
+        inner_->set_delay(of_channel_s);
     }
+    [[nodiscard]] std::uint32_t timed_by(std::size_t c) const noexcept override { return inner_->timed_by(c); }
     [[nodiscard]] std::string_view method() const noexcept override { return inner_->method(); }
 
 private:

@@ -61,7 +61,8 @@ public:
         return estimate;
     }
     void forget() noexcept override { inner_->forget(); }
-    void set_delay(double delay_s) noexcept override { inner_->set_delay(delay_s); }
+    void set_delay(std::span<const double> of_channel_s) noexcept override { inner_->set_delay(of_channel_s); }
+    [[nodiscard]] std::uint32_t timed_by(std::size_t c) const noexcept override { return inner_->timed_by(c); }
     void set_temperature(const TemperatureInUse& in_use) noexcept override {
         const double declared_K = in_use.highest_C - in_use.lowest_C;  // NaN: not declared
         const double width_K = std::isfinite(declared_K) || is_fitted_ ? declared_K : kRoom_K;

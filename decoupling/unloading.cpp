@@ -32,7 +32,8 @@ public:
         peak_.forget();
         inner_->forget();
     }
-    void set_delay(double delay_s) noexcept override { inner_->set_delay(delay_s); }
+    void set_delay(std::span<const double> of_channel_s) noexcept override { inner_->set_delay(of_channel_s); }
+    [[nodiscard]] std::uint32_t timed_by(std::size_t c) const noexcept override { return inner_->timed_by(c); }
     void set_temperature(const TemperatureInUse& in_use) noexcept override { inner_->set_temperature(in_use); }
     [[nodiscard]] std::string_view method() const noexcept override { return inner_->method(); }
 

@@ -70,9 +70,9 @@ public:
     // setup
     [[nodiscard]] virtual bool is_noisy(std::uint16_t /*device*/) const { return false; }
 
-    // The delay that it knows of, from the middle of what `device` measured to t_ns of the frame, s; 0 where it knows none.
-    // setup
-    [[nodiscard]] virtual double delay_s(std::uint16_t /*device*/) const { return 0; }
+    // The delay that it knows of, from the middle of what a channel of `device` measured to t_ns of the frame, s; 0 where it
+    // knows none. Channels that are converted one after the other have different delays. setup
+    [[nodiscard]] virtual double delay_s(std::uint16_t /*device*/, std::size_t /*channel*/) const { return 0; }
 
     LinkCounts counts;
 };

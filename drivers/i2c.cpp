@@ -1,6 +1,7 @@
 // Driver "i2c": chips on one bus, each a device of the link. The chips are in chips/, and their keys in this file.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
 #include <set>
 
@@ -107,9 +108,12 @@ public:
     }
     Status read(Frame& frame, int timeout_ms) noexcept override { return schedule_.read(frame, timeout_ms); }
     bool is_noisy(std::uint16_t device) const override { return noisy_.count(device) != 0; }
-    double delay_s(std::uint16_t device) const override {
-        const auto known = delay_s_.find(device);
-        return known == delay_s_.end() ? 0 : known->second;
+    double delay_s(std::uint16_t device, std::size_t channel) const override {
+        const auto known = conversions_.find(device);
+        if (known == conversions_.end()) return 0;
+        const auto& [number, conversion_s] = known->second;
+        // From its middle to the end of the last one. A temperature belongs to the last one.
+        return (double(number - std::min(channel, number - 1)) - 0.5) * conversion_s;
     }
     Route route() const noexcept override { return {.path = Route::Path::polled}; }
 
@@ -158,7 +162,7 @@ private:
             ready = lines_.back().get();
         }
         if (made->is_noisy()) noisy_.insert(device);
-        delay_s_[device] = double(made->conversions() * made->conversion_ns()) * 0.5e-9;
+        conversions_[device] = {made->conversions(), double(made->conversion_ns()) * 1e-9};
         Selector* const selector = read_selector(options, made->electrodes());
         schedule_.add(name, std::move(made), place, device, counts, ready, selector);
     }
@@ -192,7 +196,11 @@ private:
     std::vector<std::unique_ptr<GpioSelector>> selectors_;
     Schedule schedule_{bus_};
     std::set<std::uint16_t> devices_, noisy_;
-    std::map<std::uint16_t, double> delay_s_;  // half of the time that the conversions of a frame take
+    struct Conversions {
+        std::size_t number;  // of a frame, one after the other
+        double each_s;
+    };
+    std::map<std::uint16_t, Conversions> conversions_;
     std::vector<Place> places_;
 };
 

@@ -310,8 +310,9 @@ void Sensor::set(const SensorSettable& settable) noexcept {
         std::min(or_configured(settable.contact_off_N, configured.contact_off_N), in_force_.contact_on_N);
     in_force_.overload_N = or_configured(settable.overload_N, configured.overload_N);
     if (in_force_.filter_Hz != low_pass_.cutoff_Hz()) low_pass_.set_cutoff(in_force_.filter_Hz);
-    const double delay_s = setup_.delay_s + low_pass_.delay_s();
-    if (delay_s != latency_.delay_s()) latency_.set_delay(delay_s);
+    Wrench delay_s = chain_delay_s_;
+    for (double& each : delay_s) each += low_pass_.delay_s();
+    if (delay_s != delay_s_) latency_.set_delay(delay_s_ = delay_s);
 }
 
 void Sensor::retune(const Sensor& other) noexcept {
@@ -319,7 +320,7 @@ void Sensor::retune(const Sensor& other) noexcept {
     setup_.saturates_above = other.setup_.saturates_above;
     setup_.settable = other.setup_.settable;
     setup_.delay_s = other.setup_.delay_s;
-    if (setup_.decoupler != nullptr) setup_.decoupler->set_delay(setup_.delay_s);
+    set_delay();
     setup_.accept_unproved_age = other.setup_.accept_unproved_age;
     setup_.thermometer = other.setup_.thermometer;
     thermometer_.judge_by(setup_.thermometer);

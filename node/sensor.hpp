@@ -52,7 +52,9 @@ public:
         Thermometer::Limits thermometer;
         int serial_of_frame = -1;  // the channel of a frame that is the number of the device; -1: none
         double serial = 0;         // the number of the device that the calibration is of
-        double delay_s = 0;        // known delay of converter and transmission: part of the standard deviation (latency.hpp)
+        // Known delay of converter and transmission, for each channel of the model: part of the standard deviation
+        // (latency.hpp). Empty = none.
+        std::vector<double> delay_s;
         Agreement::Limits agreement;
         SensorSettable settable;
         std::unique_ptr<Decoupler> decoupler;
@@ -66,7 +68,7 @@ public:
           agreement_(setup_.agreement),
           zero_(tare_limits(setup_)) {
         if (setup_.decoupler != nullptr) {
-            setup_.decoupler->set_delay(setup_.delay_s);
+            set_delay();
             setup_.decoupler->set_temperature(setup_.temperature);
         }
         thermometer_.judge_by(setup_.thermometer);
@@ -81,6 +83,9 @@ public:
     // other methods also run one of these without a past, and so does the first sample after a step. rt: bounded by
     // the model's decouple()
     [[nodiscard]] tactiled_sample sample(const Frame& frame, std::uint64_t now_ns) noexcept;
+
+    // The known delay of each channel of the model, s. Empty = none.
+    [[nodiscard]] const std::vector<double>& delay_s() const noexcept { return setup_.delay_s; }
 
     // The sensor whose temperature this one takes, -1: none. Report its last sample before each sample of this one.
     // rt: wait-free
@@ -181,6 +186,11 @@ private:
     inline void judge_latency(tactiled_sample& sample) noexcept;
     void put_tared(tactiled_sample& sample) noexcept;
     void judge_magnitude(tactiled_sample& sample) noexcept;
+    void set_delay() noexcept {
+        if (setup_.decoupler == nullptr) return;
+        setup_.decoupler->set_delay(setup_.delay_s);
+        chain_delay_s_ = delay_of_components_s(*setup_.decoupler, setup_.delay_s);
+    }
 
     Setup setup_;
     SensorSettable requested_, in_force_;
@@ -191,6 +201,7 @@ private:
     std::size_t method_ = 0;  // method "auto": method of zero_S() and low_pass_; else 0
     LowPass low_pass_;
     Latency latency_;
+    Wrench chain_delay_s_{}, delay_s_{};          // a component: without, with the low pass
     std::array<double, kMaxChannels> channel_{};  // channels of the last frame, in the unit of the calibration
     Thermometer thermometer_;
     double others_temperature_C_ = kNaN;

@@ -230,10 +230,14 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
         if (link->name != settings.link) continue;
         link->bindings.push_back({std::uint16_t(settings.device), index});
         link->age.add(std::uint16_t(settings.device), settings.rate_Hz, settings.rate_tolerance, setup.stream.stale_ns);
-        if (link->driver != nullptr) setup.delay_s = link->driver->delay_s(std::uint16_t(settings.device));
+        setup.delay_s.clear();
+        for (const int channel : setup.channel_of_frame)
+            setup.delay_s.push_back(link->driver == nullptr || channel < 0
+                                        ? 0
+                                        : link->driver->delay_s(std::uint16_t(settings.device), std::size_t(channel)));
         setup.stream.noisy = link->driver != nullptr && link->driver->is_noisy(std::uint16_t(settings.device));
     }
-    if (settings.delay_ms >= 0) setup.delay_s = settings.delay_ms * 1e-3;
+    if (settings.delay_ms >= 0) setup.delay_s.assign(setup.channel_of_frame.size(), settings.delay_ms * 1e-3);
     const bool is_noisy = setup.stream.noisy;
     setup.thermometer.frozen_after = settings.temperature_frozen_after >= 0 ? unsigned(settings.temperature_frozen_after)
                                      : is_noisy && setup.temperature_of_frame >= 0 ? unsigned(kFrozenAfter)

@@ -22,6 +22,14 @@ inline std::uint32_t channels_of(const Wiring& wiring) noexcept {
     return mask;
 }
 
+// Returns the channels (bit k) of the pair along fx or fy (c = 0, 1) and of Cn; of Cn alone for fz. rt: wait-free
+inline std::uint32_t pair_and_centre(const Wiring& wiring, std::size_t c) noexcept {
+    std::uint32_t mask = 0;
+    for (const std::size_t e : {2 * c, 2 * c + 1, kCentre})
+        if (e < kElectrodes && (e == kCentre || c < 2) && wiring[e] >= 0) mask |= 1u << wiring[e];
+    return mask;
+}
+
 // Returns the capacitance at rest that depends on the pad, zero minus stray (kStrayParameters), for each electrode.
 // All five must be wired. setup
 std::array<double, kElectrodes> active_at_rest(const CalibrationData& data, const Wiring& wiring, std::string& fault);

@@ -42,6 +42,7 @@ public:
         }
     }
     [[nodiscard]] std::string_view method() const noexcept override { return "quadratic"; }
+    [[nodiscard]] std::uint32_t timed_by(std::size_t c) const noexcept override { return pair_and_centre(wiring_, c); }
 
 private:
     [[nodiscard]] bool is_usable(const Input& input, std::size_t electrode) const noexcept {

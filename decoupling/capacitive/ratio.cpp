@@ -13,10 +13,11 @@ namespace {
 class Ratio final : public CheckedModel {
 public:
     Ratio(const Calibration& calibration, const Wiring& wiring, const std::array<double, kElectrodes>& active, PadLaw pad)
-        : CheckedModel(calibration, channels_of(wiring), ~0u), active_(active), pad_(pad) {
+        : CheckedModel(calibration, channels_of(wiring), ~0u), wiring_(wiring), active_(active), pad_(pad) {
         for (std::size_t e = 0; e < kElectrodes; ++e) channel_[e] = std::size_t(wiring[e]);
     }
     [[nodiscard]] std::string_view method() const noexcept override { return "ratio"; }
+    [[nodiscard]] std::uint32_t timed_by(std::size_t c) const noexcept override { return pair_and_centre(wiring_, c); }
 
 private:
     // rt: wait-free
@@ -37,6 +38,7 @@ private:
         if (cut) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN | TACTILED_UNKNOWN_UNCERTAINTY;
     }
 
+    Wiring wiring_;
     std::array<double, kElectrodes> active_;
     std::array<std::size_t, kElectrodes> channel_{};
     PadLaw pad_;

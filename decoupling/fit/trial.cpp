@@ -50,6 +50,7 @@ void validate(const Labelled& labelled, const Rows& rows, const ZeroDrift& drift
     if (method.remembers) set_domain(rows, start);
     trial.validation = hold_out(labelled, rows, method, start, drift, trial.warnings);
     calibration.validation = trial.validation.how;
+    trial.validation.at_rest = errors_at_rest(calibration, rows);
     set_uncertainty(trial.validation, calibration, !method.remembers);
     // A search may have a larger error on all rows than on parts of them (mlp, by up to 1.6): the held-out errors
     // then describe other calibrations than this one.

@@ -155,12 +155,18 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
     for (std::size_t i = 0; i < calibration.components.size(); ++i) {
         const std::size_t c = component_index(calibration.components[i]);
         const double full_scale = calibration.full_scale[i];
-        std::vector<Error> errors;
+        // The standard deviation holds with the zero of the calibration, and after a tare.
+        std::vector<Error> errors, tared;
         for (std::size_t k = 0; k < rows.size(); ++k)
-            if (const double error = rows[k].estimated_S[c] - rows[k].row->wrench_S[c]; std::isfinite(error))
+            if (const double error = rows[k].estimated_S[c] - rows[k].row->wrench_S[c]; std::isfinite(error)) {
                 errors.push_back({std::pow(rows[k].estimated_S[c] / full_scale, 2),
                                   std::pow(load_of(rows[k].estimated_S, calibration), 2),
                                   std::pow(distance.at(validation.rows[k].row), 2), std::abs(error), validation.group[k]});
+                tared.push_back(errors.back());
+                const auto at_rest = validation.at_rest.find(rows[k].row->session);
+                if (at_rest != validation.at_rest.end() && std::isfinite(at_rest->second[c]) && validation.drifted.empty())
+                    tared.back().size = std::abs(error - at_rest->second[c]);
+            }
         if (errors.size() < kTails[0].errors) return clear();
         // The load of a single component is the component.
         std::vector<std::pair<double, double>> slopes;
@@ -175,12 +181,15 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
             const double needed_gain = unloading > 0 && best.unloading == 0 ? kWorth : 1;
             for (const auto& [slope, load] : slopes) {
                 const Shape other{slope, load, unloading};
-                std::vector<Ratio> ratios = ratios_of(errors, other);
+                std::vector<Ratio> ratios = ratios_of(errors, other), ratios_tared = ratios_of(tared, other);
                 double log_size = 0;
                 for (const Ratio& each : ratios) log_size += std::log(each.size) / double(errors.size());
                 const double largest = needed_gain * min / std::exp(log_size);  // s of a better shape is below this
-                double needed = std::max(validation.by_sessions ? worst_group(errors, other) : 0.0, scale_for(ratios));
-                if (needed < largest && (load > 0 || unloading > 0)) needed = std::max(needed, scale_for_quarters(ratios));
+                double needed = std::max(scale_for(ratios), scale_for(ratios_tared));
+                if (validation.by_sessions)
+                    needed = std::max({needed, worst_group(errors, other), worst_group(tared, other)});
+                if (needed < largest && (load > 0 || unloading > 0))
+                    needed = std::max({needed, scale_for_quarters(ratios), scale_for_quarters(ratios_tared)});
                 if (!(needed < largest)) continue;
                 min = needed * std::exp(log_size);
                 best = other;

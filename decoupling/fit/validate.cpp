@@ -14,6 +14,7 @@
 
 #include "decoupling/fit/groups.hpp"
 #include "decoupling/solve/domain.hpp"
+#include "decoupling/unloading.hpp"
 
 namespace tactiled {
 namespace {
@@ -166,6 +167,24 @@ Wrench error_of(Decoupler& decoupler, const LabelledRow& row) {
 }
 
 Wrench rms_error(const Calibration& calibration, const Rows& rows) { return rms_of(estimates(calibration, rows)); }
+
+std::map<std::size_t, Wrench> errors_at_rest(const Calibration& calibration, const Rows& rows) {
+    constexpr std::size_t kEnough = 3;  // fewer: chance
+    std::map<std::size_t, std::pair<Wrench, std::size_t>> sums;
+    for (const HeldOut& one : estimates(calibration, rows)) {
+        if (!(load_of(one.row->wrench_S, calibration) < LoadPeak::kRest)) continue;
+        auto& [sum, n] = sums[one.row->session];
+        for (std::size_t c = 0; c < sum.size(); ++c) sum[c] += one.estimated_S[c] - one.row->wrench_S[c];
+        ++n;
+    }
+    std::map<std::size_t, Wrench> result;
+    for (auto& [session, sum] : sums) {
+        if (sum.second < kEnough) continue;
+        for (double& each : sum.first) each /= double(sum.second);
+        result[session] = sum.first;
+    }
+    return result;
+}
 
 void set_domain(const Rows& rows, Calibration& calibration) {
     const std::size_t n = calibration.channels.size();

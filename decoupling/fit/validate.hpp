@@ -1,5 +1,6 @@
 // The error of a calibration on rows that it has not seen.
 #pragma once
+#include <map>
 #include <memory>
 #include <set>
 #include <string>
@@ -23,11 +24,17 @@ void set_domain(const Rows& rows, Calibration& calibration);
 void fit_with_drift(const FitEntry& method, const Rows& rows, const std::vector<double>& drift, Calibration& calibration,
                     std::vector<std::string>& warnings);
 
+// Returns the mean error of the calibration over the rows of a session whose load is below LoadPeak::kRest, for each session
+// with three of them or more.
+std::map<std::size_t, Wrench> errors_at_rest(const Calibration& calibration, const Rows& rows);
+
 struct Validation {
     std::string how;                 // "leave one session out (2 sessions)"; "" = not possible
     std::vector<HeldOut> rows;       // each once
     std::vector<std::size_t> group;  // group of each of `rows`
     bool by_sessions = false;        // each group is a session
+    // The mean error at rest of the fit of all rows, of a session, which a tare subtracts; empty = unknown.
+    std::map<std::size_t, Wrench> at_rest;
     // The same rows with random zeros, if the user states a drift: the standard deviation then holds for these.
     std::vector<HeldOut> drifted;
     Wrench rms = kUnseen;
@@ -43,7 +50,8 @@ Validation hold_out(const Labelled& labelled, const Rows& rows, const FitEntry& 
 
 // Sets sd and sd_slope of each component from its held-out errors: the largest of their 68.27 % quantile, their 95 %
 // quantile over 1.96 and, from 200 rows on, their 99 % quantile over 2.58; at least the root mean square of the worst
-// session; times Student's factor for few loads. Sets none if a component has fewer than eight held-out rows.
+// session; times Student's factor for few loads. All of these also hold after a tare, which subtracts `at_rest`
+// (without a stated drift of the zeros). Sets none if a component has fewer than eight held-out rows.
 // `takes_unloading`: sets sd_unloading, too, if it makes the others 5 % smaller.
 void set_uncertainty(const Validation& validation, Calibration& calibration, bool takes_unloading);
 

@@ -53,6 +53,8 @@ public:
     // True from one window after the start on: before, the film's past is unknown.
     [[nodiscard]] bool is_settled() const noexcept { return started_ && time_s_ >= window_s_; }
     [[nodiscard]] double window_s() const noexcept { return window_s_; }
+    // Returns the difference of the two readings that is not corrected yet, in units of the drive. rt: wait-free
+    [[nodiscard]] double difference() const noexcept { return drift_ - correction_; }
 
 private:
     static constexpr std::size_t kMax = 256;  // points of the window that are kept

@@ -14,6 +14,13 @@ namespace {
 // A reading beyond this many times the range cannot be a force; it is limited, so that the state recovers from it at
 // once.
 constexpr double kMaxRanges = 20;
+// Film and Cn disagree if they differ by this many standard deviations, and for some time after: a film that sticks agrees
+// with any force that rests.
+constexpr double kMaxDifference_sd = 5;
+constexpr std::uint64_t kDoubt_ns = 4'000'000'000;
+// Part of the swing of the force by which they may differ: the gain of the film is known to 5 % (fit/piezo_fit.cpp), and the
+// window of Cn to a frame.
+constexpr double kOfSwing = 0.1;
 
 class Piezo final : public CheckedModel {
 public:
@@ -25,13 +32,18 @@ public:
           film_(data["gain_b"], data["gain_a"], 0, range_N_),
           normal_(data["normal_b"], data["normal_a"], 0, range_N_),
           longest_gap_s_(std::max(data["leak_tau_s"], data["window_s"])),
-          fusion_(data["leak_tau_s"], fusion_tau_s, data["window_s"]) {}
+          fusion_(data["leak_tau_s"], fusion_tau_s, data["window_s"]),
+          has_sd_(!data.calibration().sd.empty()),
+          memory_s_(3 * (fusion_tau_s + data["window_s"])) {}
     [[nodiscard]] std::string_view method() const noexcept override { return "fused"; }
+    // A change of the force is in the film at once; the window of Cn is part of the fusion.
+    [[nodiscard]] std::uint32_t timed_by(std::size_t /*c*/) const noexcept override { return 1u << Vp_; }
 
 private:
     void forget() noexcept override {
         fusion_.forget();
         has_last_ = false;
+        doubt_N_ = 0;
     }
 
     // rt: wait-free
@@ -48,13 +60,36 @@ private:
         } else {
             const double max_V = film_.y(kMaxRanges * range_N_);
             const double V = within(input.r[Vp_], -max_V, max_V, cut);
-            press_N = film_.inverse(fused_drive(input, V, film_.y(slow_N))).F;
-            if (!fusion_.is_settled()) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+            const double drive = fused_drive(input, V, film_.y(slow_N));
+            press_N = film_.inverse(drive).F;
+            if (!fusion_.is_settled())
+                estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+            else if (has_sd_)
+                compare(press_N, film_.inverse(drive + fusion_.difference()).F, input, estimate);
         }
         if (cut) estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
         if (cut || press_N < -kDomainMargin * range_N_ || press_N > (1 + kDomainMargin) * range_N_)
             estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
         estimate.wrench_S[2] = 0.0 - press_N;
+    }
+
+    // Both readings measure the same force. While they disagree, either may be right.
+    void compare(double press_N, double other_N, Input& input, Estimate& estimate) noexcept {
+        Wrench wrench{};
+        wrench[2] = press_N;
+        const double sd = stated_sd(2, wrench), forgotten = std::min(1.0, T_s_ / memory_s_);
+        max_N_ = std::max(press_N, max_N_ - forgotten * (max_N_ - press_N));
+        min_N_ = std::min(press_N, min_N_ - forgotten * (min_N_ - press_N));
+        const double difference_N = std::abs(other_N - press_N);
+        if (!(difference_N <= kMaxDifference_sd * sd + kOfSwing * (max_N_ - min_N_))) {
+            doubtful_since_ns_ = input.t_ns;
+            doubt_N_ = std::max(doubt_N_, difference_N <= kMaxRanges * range_N_ ? difference_N : kMaxRanges * range_N_);
+        } else if (input.t_ns - doubtful_since_ns_ > kDoubt_ns) {
+            doubt_N_ = 0;
+        }
+        if (doubt_N_ == 0) return;
+        estimate.reasons |= TACTILED_DISAGREEMENT;
+        input.sd_factor[2] = std::sqrt(1 + doubt_N_ / sd * (doubt_N_ / sd));
     }
 
     double fused_drive(const Input& input, double V, double slow) noexcept {
@@ -63,6 +98,7 @@ private:
         const bool forward = has_last_ && input.t_ns >= last_t_ns_;
         const double T_s = forward ? double(input.t_ns - last_t_ns_) * 1e-9 : 0;
         if (!forward || T_s > longest_gap_s_) fusion_.forget();
+        T_s_ = T_s;
         // Cn repeats its last value until the converter has a new one. A force so constant that new values equal the
         // last must count as well: after two windows.
         const bool is_new =
@@ -79,7 +115,10 @@ private:
     Curve film_, normal_;
     double longest_gap_s_;
     ChargeFusion fusion_;
-    bool has_last_ = false;
+    bool has_last_ = false, has_sd_;
+    double memory_s_, T_s_ = 0, max_N_ = 0, min_N_ = 0;  // swing over about memory_s_
+    double doubt_N_ = 0;                                 // the largest difference; 0 = film and Cn agree
+    std::uint64_t doubtful_since_ns_ = 0;
     std::uint64_t last_t_ns_ = 0, last_new_t_ns_ = 0;
     double last_Cn_ = 0;
 };

@@ -61,9 +61,9 @@ public:
 
     void close() noexcept override { simulation_.reset(); }
 
-    [[nodiscard]] double delay_s(std::uint16_t device) const override {
+    [[nodiscard]] double delay_s(std::uint16_t device, std::size_t channel) const override {
         for (const sim::Sensor& sensor : scene_.sensors)
-            if (sensor.device == device) return scene_.delay_s(sensor) / speed_;
+            if (sensor.device == device && channel < sensor.n()) return scene_.delay_s(sensor)[channel] / speed_;
         return 0;
     }
 

@@ -129,7 +129,8 @@ struct EffectEntry {
     std::vector<Level> (*levels)(const Setting&) = nullptr;  // setup; the levels available here, in any order
     // Its output, and that of its levels, depends on no other sample, so it may rest in a part of the scene.
     bool instant = false;
-    double (*delay_s)(const Setting&) = nullptr;  // setup; of a slow signal; nullptr: it delays nothing
+    // Delay of a slow signal on a channel of the sensor; nullptr: it delays nothing. setup
+    double (*delay_s)(const Setting&, std::size_t channel) = nullptr;
 };
 
 // Returns the cost of an effect for the choice, in ns per sample of a sensor with all its channels. It is from the

@@ -108,13 +108,13 @@ Scene read_scene(const std::string& path) {
     return read_scene(Options::parse_file(path, problems), problems);
 }
 
-double Scene::delay_s(const Sensor& sensor) const {
+std::vector<double> Scene::delay_s(const Sensor& sensor) const {
     const Extent extent = motion.extent(sensor);
-    double sum = 0;
+    std::vector<double> sum(sensor.n());
     for (std::size_t i = 0; i < chain().size(); ++i)
         if (const EffectEntry& entry = *chain()[i];
             entry.delay_s != nullptr && (entry.models & 1u << unsigned(sensor.model)) != 0)
-            sum += entry.delay_s(setting(i, sensor, extent));
+            for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += entry.delay_s(setting(i, sensor, extent), k);
     return sum;
 }
 

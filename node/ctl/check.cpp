@@ -9,6 +9,7 @@
 
 #include "config/calibration.hpp"
 #include "config/keys.hpp"
+#include "decoupling/latency.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/doctor/doctor.hpp"
 #include "node/ctl/verb.hpp"
@@ -17,11 +18,10 @@
 namespace tactiled::ctl {
 namespace {
 
-// The loads that the channels of the sensor cannot show. `chain_s`: delay that the driver knows.
-std::vector<std::string> undetected_loads(const SensorSettings& sensor, double chain_s) {
+// The loads that the channels of the sensor cannot show. `delay_s`: the known one of each channel.
+std::vector<std::string> undetected_loads(const SensorSettings& sensor, const std::vector<double>& delay_s) {
     std::vector<std::string> loads;
-    // The channels are measured over twice the delay.
-    const double measured_ms = 2 * (sensor.delay_ms >= 0 ? sensor.delay_ms : 1e3 * chain_s);
+    const double measured_ms = 1e3 * measured_over_s(delay_s);
     if (measured_ms > sensor.stale_ms)
         loads.push_back(fmt::format(
             "a change of the load within the {:.0f} ms over which the channels are measured, longer than stale_ms = {}",
@@ -82,7 +82,7 @@ void add_check(CLI::App& app, Run& run) {
                             "warning: sensor \"{}\": tares and weights are refused, because its age is not proved\n"
                             "    -> accept_unproved_age = true  # or send a counter (sequence = true) or the time\n",
                             sensor.name);
-                    std::vector<std::string> missed = undetected_loads(sensor, link->driver->delay_s(binding.device));
+                    std::vector<std::string> missed = undetected_loads(sensor, node.sensors[binding.sensor].delay_s());
                     if (const std::string delays = doctor::undetected_delays(*link->driver); !delays.empty())
                         missed.insert(missed.begin(), delays);
                     if (!missed.empty())

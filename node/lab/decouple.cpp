@@ -51,7 +51,7 @@ int decouple(const Settings& settings) {
     const Calibration calibration = load_calibration(settings.calibration, problems);
     problems.throw_if_any();
     const auto decoupler = make_decoupler(calibration, settings.method, settings.budget_us);
-    decoupler->set_delay(settings.delay_ms * 1e-3);
+    decoupler->set_delay(std::vector<double>(calibration.channels.size(), settings.delay_ms * 1e-3));
     CsvReader csv(settings.in);
     const auto time = csv.find("t_s");
     if (!time) csv.refuse("has no column t_s");

@@ -77,7 +77,7 @@ std::vector<Contest> contests_of(const Args& args, const std::function<void(doub
     if (!args.scene.empty())
         contest.trials.push_back(trial_of(std::filesystem::path(args.scene).stem().string(), args.scene));
     if (!args.in.empty())
-        contest.trials.push_back({std::filesystem::path(args.in).stem().string(), read_labelled(args.in, {}), 0});
+        contest.trials.push_back({std::filesystem::path(args.in).stem().string(), read_labelled(args.in, {})});
     if (contest.candidates.empty())
         throw std::runtime_error(contest.refused.empty() ? "no method to compare" : contest.refused.front());
     std::vector<Contest> one;

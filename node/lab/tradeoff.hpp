@@ -47,7 +47,7 @@ inline constexpr const char* kDamaged = "damaged";  // the trial that is not par
 struct Trial {
     std::string kind;  // "easy", "combined", "eccentric", "dynamic", kDamaged, or the name of a file
     Labelled rows;
-    double delay_s = 0;  // known one of the chain
+    std::vector<double> delay_s = {};  // known one of each channel of `rows`
 };
 Trial trial_of(const std::string& kind, const std::string& scene);  // setup: throws SetupError
 struct Contest {                                                    // the methods of one model, and their trials
@@ -86,8 +86,12 @@ struct Judged {
 };
 // Returns the index of the first row under load, or the number of rows if there is none.
 std::size_t first_load(const Labelled& rows);
-// `delay_s`: known delay of the chain, part of the standard deviation as in the loop (decoupling/latency.hpp).
-Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows, double delay_s = 0);
+// `delay_s`: known delay of each channel of `rows`, part of the standard deviation as in the loop (decoupling/latency.hpp);
+// empty = none.
+Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows,
+             const std::vector<double>& delay_s = {});
+// Returns those of the candidate's channels, in the order of its calibration.
+std::vector<double> delays_of(const Candidate& candidate, const Labelled& rows, const std::vector<double>& delay_s);
 // Returns one row over the trials of a whole sensor. Errors are geometric means, so that no trial dominates, and NaN
 // if a trial had no value at all, because a method that is always BAD is not accurate. p99 is the worst trial's;
 // shares are over all samples together.

@@ -36,16 +36,33 @@ std::size_t first_load(const Labelled& rows) {
     return std::size_t(std::find_if(rows.rows.begin(), rows.rows.end(), loaded) - rows.rows.begin());
 }
 
-std::vector<Reading> readings_of(const Candidate& candidate, const Labelled& rows, std::vector<double>& storage) {
+namespace {
+
+// Returns the column of `rows` of each channel of the candidate's calibration.
+std::vector<std::size_t> columns_of(const Candidate& candidate, const Labelled& rows) {
     std::vector<std::size_t> columns;
-    const auto& channels = candidate.calibration.channels;
-    for (const auto& name : channels) {
+    for (const auto& name : candidate.calibration.channels) {
         const auto at = std::find(rows.channels.begin(), rows.channels.end(), name);
         if (at == rows.channels.end())
             throw SetupError(fmt::format("{} has no channel \"{}\", which {} needs", rows.name, name,
                                          candidate.calibration.path.empty() ? candidate.model : candidate.calibration.path));
         columns.push_back(std::size_t(at - rows.channels.begin()));
     }
+    return columns;
+}
+
+}  // namespace
+
+std::vector<double> delays_of(const Candidate& candidate, const Labelled& rows, const std::vector<double>& delay_s) {
+    std::vector<double> delays;
+    if (delay_s.empty()) return delays;
+    for (const std::size_t column : columns_of(candidate, rows)) delays.push_back(delay_s[column]);
+    return delays;
+}
+
+std::vector<Reading> readings_of(const Candidate& candidate, const Labelled& rows, std::vector<double>& storage) {
+    const std::vector<std::size_t> columns = columns_of(candidate, rows);
+    const auto& channels = candidate.calibration.channels;
     storage.assign(rows.rows.size() * channels.size(), kNaN);
     std::vector<Reading> readings;
     for (std::size_t i = 0; i < rows.rows.size(); ++i) {
@@ -60,7 +77,7 @@ std::vector<Reading> readings_of(const Candidate& candidate, const Labelled& row
     return readings;
 }
 
-Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows, double delay_s) {
+Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& rows, const std::vector<double>& delay_s) {
     std::vector<double> storage;
     const auto readings = readings_of(candidate, rows, storage);
     const Calibration& calibration = candidate.calibration;
@@ -72,9 +89,10 @@ Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& r
     std::size_t at_rest = 0;
     Judged judged;
     std::array<std::vector<double>, 6> errors, good_errors;
+    const std::vector<double> delays_s = delays_of(candidate, rows, delay_s);
     Latency latency;
-    latency.set_delay(delay_s);
-    decoupler.set_delay(delay_s);
+    latency.set_delay(delay_of_components_s(decoupler, delays_s));
+    decoupler.set_delay(delays_s);
     for (std::size_t i = 0; i < readings.size(); ++i) {
         Estimate e = decoupler.decouple(readings[i]);
         if (e.quality == TACTILED_BAD)

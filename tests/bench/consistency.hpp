@@ -26,26 +26,33 @@ struct Shares {
     std::size_t wrong = 0;
     std::size_t values = 0, within = 0, beyond = 0;  // components of GOOD samples: 1 sd, 5 sd
     std::size_t within_true = 0;                     // within the true rms error of this course
-    double sharpness = 0;                            // the largest median sd / rms of a component
     double sharpness_together = 0;                   // median sd / rms, each as rms over components in full scales
-    double latency = 0;                              // the largest ratio of median sd with and without that of latency
+    // The largest ratio of a component's median sd with that of latency to that without: of the loop, and of an oracle that
+    // adds the true change of the load over the delay.
+    double latency = 0, latency_of_oracle = 0;
+    std::size_t flagged_inside = 0;        // outside-domain, although each component of the load is within its full scale
+    std::size_t undetected_by_oracle = 0;  // like `undetected`, by the oracle's sd
+    double sharpness_without = 0;          // sharpness_together without the part of latency
     std::map<std::uint32_t, std::size_t> reasons;
 };
 
 struct Errors {
-    std::vector<float> sd, error, without_latency;  // the last: sd
+    std::vector<float> sd, error, without_latency, of_oracle;  // the last two: sd
     double squares = 0;
 };
 
 class Course {
 public:
-    Course(const Candidate& candidate, double delay_s)
-        : candidate_(candidate), decoupler_(candidate.make()), delay_s_(delay_s) {
-        decoupler_->set_delay(delay_s);
-        latency_.set_delay(delay_s);
+    // `delay_s`: of each channel of `rows`.
+    Course(const Candidate& candidate, const Labelled& rows, const std::vector<double>& delay_s)
+        : candidate_(candidate), decoupler_(candidate.make()) {
+        const std::vector<double> delays_s = ctl::delays_of(candidate, rows, delay_s);
+        decoupler_->set_delay(delays_s);
+        latency_.set_delay(delay_s_ = delay_of_components_s(*decoupler_, delays_s));
     }
     // Tares on the second half of the rest before the first load. Samples outside [from_s, to_s] are not judged.
-    void judge(const Labelled& rows, double from_s = 0, double to_s = 1e9) {
+    // `only`, if not empty: a mark for each row that is judged.
+    void judge(const Labelled& rows, double from_s = 0, double to_s = 1e9, const std::vector<bool>& only = {}) {
         std::vector<double> storage;
         const auto readings = ctl::readings_of(candidate_, rows, storage);
         const std::size_t begin = is_tared_ ? 0 : ctl::first_load(rows);
@@ -67,32 +74,39 @@ public:
             if (i == begin && at_rest > 0)
                 for (std::size_t c = 0; c < 6; ++c) zero_[c] = sum[c] / double(at_rest);
             // The first sample of a scene is at 1 s of the clock (node/lab/tradeoff_rows.cpp).
-            if (const double t_s = double(readings[i].t_ns) * 1e-9 - 1; t_s >= from_s && t_s <= to_s) take(e, rows, i);
+            if (const double t_s = double(readings[i].t_ns) * 1e-9 - 1;
+                t_s >= from_s && t_s <= to_s && (only.empty() || only[i]))
+                take(e, rows, i);
         }
         is_tared_ = true;
     }
     // The next rows are those of another mounting, which is tared, too.
     void mount_again() { is_tared_ = false; }
+    // They are not tared.
+    void keep_zero() { is_tared_ = true; }
     Shares shares() {
-        double sds = 0, errors_squared = 0;
+        double sds = 0, sds_without = 0, errors_squared = 0;
+        const auto median = [](std::vector<float>& values) {
+            const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+            std::nth_element(values.begin(), middle, values.end());
+            return double(*middle);
+        };
         for (std::size_t i = 0; i < candidate_.calibration.components.size(); ++i) {
             Errors& errors = errors_[component_index(candidate_.calibration.components[i])];
             if (errors.sd.empty()) continue;
-            const auto middle = errors.sd.begin() + std::ptrdiff_t(errors.sd.size() / 2);
-            std::nth_element(errors.sd.begin(), middle, errors.sd.end());
+            const double sd = median(errors.sd), without = median(errors.without_latency);
             const double rms = std::sqrt(errors.squares / double(errors.sd.size()));
-            shares_.sharpness = std::max(shares_.sharpness, double(*middle) / rms);
             for (const float error : errors.error) shares_.within_true += std::abs(double(error)) <= rms;
             const double full_scale =
                 i < candidate_.calibration.full_scale.size() ? candidate_.calibration.full_scale[i] : 1;
-            auto& before = errors.without_latency;
-            const auto middle_before = before.begin() + std::ptrdiff_t(before.size() / 2);
-            std::nth_element(before.begin(), middle_before, before.end());
-            shares_.latency = std::max(shares_.latency, double(*middle / *middle_before));
-            sds += std::pow(double(*middle) / full_scale, 2);
+            shares_.latency = std::max(shares_.latency, sd / without);
+            shares_.latency_of_oracle = std::max(shares_.latency_of_oracle, median(errors.of_oracle) / without);
+            sds += std::pow(sd / full_scale, 2);
+            sds_without += std::pow(without / full_scale, 2);
             errors_squared += std::pow(rms / full_scale, 2);
         }
         shares_.sharpness_together = std::sqrt(sds / errors_squared);
+        shares_.sharpness_without = std::sqrt(sds_without / errors_squared);
         return shares_;
     }
 
@@ -100,20 +114,37 @@ private:
     // A component of the loads while the channels of row i were measured, over twice the delay of the chain.
     [[nodiscard]] std::pair<double, double> lately(const Labelled& rows, std::size_t i, std::size_t c) const {
         double min = rows.rows[i].wrench_S[c], max = min;
-        const double from_ns = double(rows.rows[i].t_ns) - 2e9 * delay_s_;
+        const double from_ns = double(rows.rows[i].t_ns) - 2e9 * delay_s_[c];
         for (std::size_t k = i; k-- > 0 && double(rows.rows[k + 1].t_ns) > from_ns;) {
             min = std::min(min, rows.rows[k].wrench_S[c]);
             max = std::max(max, rows.rows[k].wrench_S[c]);
         }
         return {min, max};
     }
+    // The change of a component of the load over the delay before row i, between two rows by a straight line.
+    [[nodiscard]] double true_change(const Labelled& rows, std::size_t i, std::size_t c) const {
+        const double at_ns = double(rows.rows[i].t_ns) - 1e9 * delay_s_[c], now = rows.rows[i].wrench_S[c];
+        std::size_t k = i;
+        while (k > 0 && double(rows.rows[k].t_ns) > at_ns) --k;
+        const LabelledRow &before = rows.rows[k], &after = rows.rows[std::min(k + 1, i)];
+        const double width_ns = double(after.t_ns) - double(before.t_ns);
+        const double part = width_ns > 0 ? std::clamp((at_ns - double(before.t_ns)) / width_ns, 0.0, 1.0) : 0;
+        return now - (before.wrench_S[c] + part * (after.wrench_S[c] - before.wrench_S[c]));
+    }
+    [[nodiscard]] bool is_calibrated(const Wrench& load_S) const {
+        const Calibration& calibration = candidate_.calibration;
+        for (std::size_t i = 0; i < calibration.full_scale.size(); ++i)
+            if (std::abs(load_S[component_index(calibration.components[i])]) > calibration.full_scale[i]) return false;
+        return true;
+    }
     void take(const Estimate& e, const Labelled& rows, std::size_t i) {
         const LabelledRow& row = rows.rows[i];
         ++shares_.samples;
         ++shares_.reasons[e.quality == TACTILED_GOOD ? 0 : e.reasons];
+        shares_.flagged_inside += (e.reasons & TACTILED_OUTSIDE_DOMAIN) != 0 && is_calibrated(row.wrench_S);
         if (e.quality != TACTILED_GOOD) return;
         ++shares_.good;
-        bool undetected = false, wrong = false;
+        bool undetected = false, wrong = false, undetected_by_oracle = false;
         for (const std::string& name : candidate_.calibration.components) {
             const std::size_t c = component_index(name);
             const double error = e.wrench_S[c] - zero_[c] - row.wrench_S[c];
@@ -129,18 +160,22 @@ private:
                 wrong = wrong || value < min - 5 * e.sd[c] || value > max + 5 * e.sd[c];
             }
             errors_[c].sd.push_back(float(e.sd[c]));
+            const double oracle = std::hypot(before_[c], true_change(rows, i, c));
+            undetected_by_oracle = undetected_by_oracle || std::abs(error) > 5 * oracle;
             errors_[c].without_latency.push_back(float(before_[c]));
+            errors_[c].of_oracle.push_back(float(oracle));
             errors_[c].error.push_back(float(error));
             errors_[c].squares += error * error;
         }
         shares_.undetected += undetected;
         shares_.wrong += wrong;
+        shares_.undetected_by_oracle += undetected_by_oracle;
     }
 
     const Candidate& candidate_;
     std::unique_ptr<Decoupler> decoupler_;
-    double delay_s_;
     Latency latency_;
+    Wrench delay_s_{};
     Wrench zero_{}, before_{};
     bool is_tared_ = false;
     std::array<Errors, 6> errors_;
@@ -151,9 +186,20 @@ inline double percent(std::size_t part, std::size_t whole) {
     return whole == 0 ? std::nan("") : 100 * double(part) / double(whole);
 }
 
+// consistency_scenes.cpp: one line of a table; `first` is its first column.
+void print_titles(const std::string& first);
+void print_shares(const std::string& first, const Shares& shares);
+
 // consistency_scenes.cpp: each [[expect]] of the scenes in `folder`, or of the one named, with its calibration and method.
 // setup: throws SetupError
 void judge_scenes(const std::string& folder, const std::string& name);
+
+// consistency_damage.cpp: each damage of the channels of a recording. setup: throws SetupError
+void judge_damage(const std::string& fit_file, const std::string& judge_file, const std::string& methods);
+
+// consistency_ensemble.cpp: each method, over loads and mountings on which nothing was chosen, for so many hours, and with
+// each cause of its errors held away. setup: throws SetupError
+void judge_ensemble(const std::string& folder, const std::vector<ctl::Contest>& contests, double hours);
 
 // consistency_costs.cpp: ns per sample of each check of each method, on the first scene of its contest.
 void print_costs(const std::vector<ctl::Contest>& contests);

@@ -14,10 +14,12 @@ constexpr int kRuns = 9;
 // Returns the ns per sample of the fastest of several runs over the readings.
 double fastest_ns(const Candidate& candidate, const std::vector<Reading>& readings, double delay_s) {
     const auto decoupler = candidate.make();
+    Wrench of_components_s;
+    of_components_s.fill(delay_s);
     double fastest = 1e300, sum = 0;
     for (int run = 0; run < kRuns; ++run) {
         Latency latency;
-        latency.set_delay(delay_s);
+        latency.set_delay(of_components_s);
         const auto begun = std::chrono::steady_clock::now();
         for (const Reading& reading : readings) {
             Estimate e = decoupler->decouple(reading);

@@ -42,20 +42,32 @@ Calibration calibrated(const fs::path& beside, const std::string& name, const st
         return calibration;
     }
     const ctl::CalibrationScene scene = ctl::read_calibration_scene((beside / name.substr(6)).string());
-    FitRequest request{.model = scene.model, .method = method, .serial = "", .date = "", .parity = true};
+    FitRequest request{.model = scene.model, .method = method, .serial = "", .date = ""};
     if (request.model.empty()) request.model = ctl::name_of(scene.scene.sensors.front().model);
     request.parameters = scene.known;
     if (!scene.influence.empty()) put_fit_option("influence", scene.influence, request);
     return fit(ctl::calibration_rows(scene, kMaxCalibrationRows), request).calibration;
 }
 
-Shares shares_of(const Candidate& candidate, const Labelled& rows, double delay_s, const Expectation& e) {
-    Course course(candidate, delay_s);
-    course.judge(rows, e.from_s, e.to_s);
-    return course.shares();
+}  // namespace
+
+void print_titles(const std::string& first) {
+    fmt::print("{:<50} {:>7} {:>8} {:>9} {:>8} {:>9} {:>10} {:>8} {:>8} {:>8} {:>11} {:>8}\n", first, "GOOD %", "in 1 sd",
+               "over 5 sd", "not late", "sharpness", "no latency", "in 1 rms", "latency", "oracle's", "over 5 sd",
+               "samples");
 }
 
-}  // namespace
+void print_shares(const std::string& first, const Shares& s) {
+    fmt::print("{:<50} {:>7.2f} {:>8.1f} {:>9.2f} {:>8.2f} {:>9.2f} {:>10.2f} {:>8.1f} {:>8.2f} {:>8.2f} {:>11.2f} {:>8}",
+               first, percent(s.good, s.samples), percent(s.within, s.values), percent(s.undetected, s.good),
+               percent(s.wrong, s.good), s.sharpness_together, s.sharpness_without, percent(s.within_true, s.values),
+               s.latency, s.latency_of_oracle, percent(s.undetected_by_oracle, s.good), s.samples);
+    for (const auto& [reasons, n] : s.reasons)
+        if (reasons != 0) fmt::print(" 0x{:x}:{:.1f}%", reasons, percent(n, s.samples));
+    if (s.flagged_inside > 0) fmt::print(" outside-domain inside full scale: {:.3f}%", percent(s.flagged_inside, s.samples));
+    fmt::print("\n");
+    std::fflush(stdout);
+}
 
 void judge_scenes(const std::string& folder, const std::string& name) {
     std::vector<fs::path> scenes;
@@ -64,32 +76,21 @@ void judge_scenes(const std::string& folder, const std::string& name) {
             scenes.push_back(entry.path());
     std::sort(scenes.begin(), scenes.end());
     std::map<std::string, Calibration> made;
-    fmt::print("{:<50} {:>7} {:>8} {:>8} {:>9} {:>8} {:>8} {:>8} {:>8} {:>8}\n", "scene, calibration, method", "GOOD %",
-               "no parity", "in 1 sd", "over 5 sd", "not late", "sd / rms", "together", "in 1 rms", "samples");
+    print_titles("scene, calibration, method");
     for (const fs::path& path : scenes)
         for (const Expectation& e : expectations_of(path)) {
             const std::string key = e.calibration + " " + e.method;
             if (made.count(key) == 0) made[key] = calibrated(path.parent_path(), e.calibration, e.method);
             const Candidate candidate{made[key].model, e.method, e.method, made[key]};
-            Candidate without = candidate;
-            without.calibration.parity = {};
             sim::Scene scene = sim::read_scene(path.string());
             const std::vector<sim::Sensor> sensors = scene.sensors;
             for (const sim::Sensor& sensor : sensors) {
                 if (::fnmatch(e.sensor.c_str(), sensor.name.c_str(), 0) != 0) continue;
                 scene.sensors = {sensor};
                 const Labelled rows = ctl::rows_of(scene, ctl::kMaxOfScene);
-                const double delay_s = scene.delay_s(scene.sensors.front());
-                const Shares s = shares_of(candidate, rows, delay_s, e), other = shares_of(without, rows, delay_s, e);
-                fmt::print("{:<50} {:>7.2f} {:>8.2f} {:>8.1f} {:>9.2f} {:>8.2f} {:>8.2f} {:>8.2f} {:>8.1f} {:>8}",
-                           fmt::format("{} {}, {}", path.stem().string(), sensor.name, key), percent(s.good, s.samples),
-                           percent(other.good, other.samples), percent(s.within, s.values), percent(s.undetected, s.good),
-                           percent(s.wrong, s.good), s.sharpness, s.sharpness_together, percent(s.within_true, s.values),
-                           s.samples);
-                for (const auto& [reasons, n] : s.reasons)
-                    if (reasons != 0) fmt::print(" 0x{:x}:{:.1f}%", reasons, percent(n, s.samples));
-                fmt::print("\n");
-                std::fflush(stdout);
+                Course course(candidate, rows, scene.delay_s(scene.sensors.front()));
+                course.judge(rows, e.from_s, e.to_s);
+                print_shares(fmt::format("{} {}, {}", path.stem().string(), sensor.name, key), course.shares());
             }
         }
 }

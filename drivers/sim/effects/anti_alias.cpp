@@ -138,6 +138,6 @@ const EffectEntry anti_alias{
     .parameters = {{"corner_Hz", "of each of two poles; by default a quarter of the rate", kByModel, 1e-3, 1e7}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<AntiAlias>(s); },
-    .delay_s = [](const Setting& s) { return 2 / (6.283185307179586 * corner_Hz(s)); }};
+    .delay_s = [](const Setting& s, std::size_t) { return 2 / (6.283185307179586 * corner_Hz(s)); }};
 
 }  // namespace tactiled::sim

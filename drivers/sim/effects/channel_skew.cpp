@@ -76,6 +76,6 @@ const EffectEntry channel_skew{
     .parameters = {{"step_s", "from channel to channel; by default by the sensor's model", kByModel, 0, 1}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ChannelSkew>(s); },
-    .delay_s = [](const Setting& s) { return delay_s(s, 0) / 2; }};
+    .delay_s = delay_s};
 
 }  // namespace tactiled::sim

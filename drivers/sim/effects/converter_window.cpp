@@ -92,6 +92,6 @@ const EffectEntry converter_window{
     .parameters = {{"window_s", "by default 0.1 s of capacitances, else 0", kByModel, 0, 2}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ConverterWindow>(s); },
-    .delay_s = [](const Setting& s) { return window_s(s) / 2; }};
+    .delay_s = [](const Setting& s, std::size_t k) { return is_piezo(s.sensor, k) ? 0 : window_s(s) / 2; }};
 
 }  // namespace tactiled::sim

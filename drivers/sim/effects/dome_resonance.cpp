@@ -115,6 +115,7 @@ const EffectEntry dome_resonance{
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<DomeResonance>(s); },
     .levels = [](const Setting& s) { return fewer_axes<DomeResonance>(s, largest_change(s)); },
-    .delay_s = [](const Setting& s) { return delay_s(s) + 2 * s.p[1] / (2 * std::numbers::pi * resonance_Hz(s)); }};
+    .delay_s = [](const Setting& s,
+                  std::size_t) { return delay_s(s) + 2 * s.p[1] / (2 * std::numbers::pi * resonance_Hz(s)); }};
 
 }  // namespace tactiled::sim

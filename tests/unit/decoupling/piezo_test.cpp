@@ -184,6 +184,27 @@ TEST(Piezo, FollowsASteadyForceAndAStepAtOnce) {
     }
 }
 
+// The force steps from 1 to 6 N at 2 s and rests; one of the two channels sticks at 1.5 s.
+TEST(Piezo, AChannelThatSticksContradictsTheOther) {
+    for (const bool film_sticks : {true, false}) {
+        const auto decoupler = make_decoupler(piezo_calibration(1.0));
+        for (int i = 0; i < 4000; ++i) {
+            const double t = i * 1e-3;
+            const double V = t < 2 || film_sticks ? 0 : (film_V(6) - film_V(1)) * std::exp(-(t - 2));
+            const int windows = int(std::floor((t + 1e-9) / kWindow_s));
+            const double seen = centre_pF(windows * kWindow_s <= 2.0 + 1e-9 || !film_sticks ? 1 : 6);
+            Estimate estimate;
+            const double press = press_of(*decoupler, t, V + 0.0768, seen, &estimate);
+            if (t < 0.1) continue;
+            if (t < 2) EXPECT_EQ(estimate.quality, TACTILED_GOOD) << t;
+            if (t < 2.21) continue;  // one window has shown it; a Cn that repeats its number counts after two
+            EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN) << t;
+            EXPECT_NE(estimate.reasons & TACTILED_DISAGREEMENT, 0u);
+            EXPECT_LT(std::abs(press - 6), 2 * estimate.sd[2]) << t;
+        }
+    }
+}
+
 TEST(Piezo, FramesMayComeUnevenly) {
     const auto decoupler = make_decoupler(linear_calibration(1.0));
     const double w = 2 * kPi * 3.3, tau = 1;

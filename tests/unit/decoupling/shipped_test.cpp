@@ -6,6 +6,7 @@
 
 #include "decoupling/csv.hpp"
 #include "decoupling/fit/fit.hpp"
+#include "decoupling/latency.hpp"
 #include "made_by_hand.hpp"
 
 namespace tactiled {
@@ -139,6 +140,18 @@ TEST(Shipped, CapacitiveDocumentsHaveTheThesisCurves) {
             }
     // At the curve's end the error is within the header's statement: its mean slopes.
     EXPECT_NEAR(decouple(*decoupler, {1.2285, 1.2285, 1.2285, 1.2285, 1.3039 + 0.485}).wrench_S[2], -10, 1e-9);
+}
+
+TEST(Shipped, EachComponentFollowsTheLoadByItsOwnChannels) {
+    const auto pad = make_decoupler(loaded("capacitive_documents.toml"));  // C1 C2 C3 C4 Cn
+    EXPECT_EQ(pad->timed_by(0), 0b10011u);
+    EXPECT_EQ(pad->timed_by(1), 0b11100u);
+    EXPECT_EQ(pad->timed_by(2), 0b10000u);
+    const Wrench delay_s = delay_of_components_s(*pad, std::vector<double>{0.45, 0.35, 0.25, 0.15, 0.05});
+    EXPECT_DOUBLE_EQ(delay_s[0], 0.25);
+    EXPECT_DOUBLE_EQ(delay_s[2], 0.05);
+    EXPECT_EQ(make_decoupler(loaded("piezo_documents.toml"))->timed_by(2), 0b01u);  // Vp Cn: the film
+    EXPECT_EQ(make_decoupler(loaded("skin_eflesh.toml"))->timed_by(2), 0x7FFFu);
 }
 
 // The thesis' square wave of 1.66 Hz to 10 N: Cn holds it, Vp shows only its edges, and both together the force at

@@ -135,6 +135,37 @@ TEST(Uncertainty, OfAComponentDependsOnTheLoadOfTheOthers) {
     EXPECT_NEAR(stated_sd(calibration, 1, {0, kNaN, -10, kNaN, kNaN, kNaN}), 0.05, 0.01);
 }
 
+// A straight line through curved loads that is off by 1 N at rest: a tare makes it right there, and wrong elsewhere.
+TEST(Uncertainty, HoldsAfterATareToo) {
+    std::mt19937_64 random(8);
+    std::normal_distribution<double> normal(0, 0.2);
+    std::vector<LabelledRow> rows;
+    std::vector<double> errors(2000);
+    for (double& error : errors) error = normal(random);
+    Validation validation = errors_of(errors, rows, 1);
+    EXPECT_NEAR(sd_found(validation, 5), 0.2, 0.02);
+    validation.at_rest[0] = {kNaN, kNaN, 1, kNaN, kNaN, kNaN};
+    EXPECT_NEAR(sd_found(validation, 5), 1.1, 0.1);  // 68 % of |0.2 z - 1| are below 1.09
+}
+
+TEST(Uncertainty, TheErrorAtRestIsThatOfThreeRowsOrMoreOfASession) {
+    Calibration calibration = table_calibration(all_gauges());
+    calibration.full_scale = {1, 1, 1};
+    std::vector<LabelledRow> rows;
+    for (std::size_t i = 0; i < 8; ++i)
+        rows.push_back({.line = std::int64_t(i),
+                        .channel = std::vector<double>(8, 1e-4),
+                        .wrench_S = {0, 0, i < 2 ? -0.9 : 0, kNaN, kNaN, kNaN},
+                        .session = i < 6 ? 0u : 1u});
+    const double reading = make_decoupler(calibration)->decouple({.channel = rows[0].channel}).wrench_S[2];
+    ASSERT_NE(reading, 0);
+    Rows all;
+    for (const LabelledRow& row : rows) all.push_back(&row);
+    const auto at_rest = errors_at_rest(calibration, all);
+    ASSERT_EQ(at_rest.size(), 1u);  // session 1 has two
+    EXPECT_DOUBLE_EQ(at_rest.at(0)[2], reading);
+}
+
 // One row in 125 bears a light load and is far off: too few to count among all rows, but not among the light ones.
 TEST(Uncertainty, HoldsForLightLoadsAlone) {
     std::mt19937_64 random(8);

@@ -138,6 +138,21 @@ TEST(I2cKeys, ASwitchInFrontOfAChipNeedsElectrodesAndLinesEnough) {
         std::string::npos);
 }
 
+// Inputs of one converter are measured one after the other: the first is the oldest when the frame is complete.
+TEST(I2cKeys, GiveEachChannelTheDelayOfItsConversion) {
+    Problems problems;
+    Options options = Options::parse_text(
+        "bus = \"/dev/i2c-1\"\n[[chip]]\ndevice = 3\nchip = \"ads1115\"\nrate_Hz = 8\n"
+        "inputs = [\"AIN0\", \"AIN1\", \"AIN2\", \"AIN3\"]\n",
+        "test.toml", problems);
+    const auto driver = Drivers::find("i2c")->make(options);
+    const double last_s = driver->delay_s(3, 3);
+    EXPECT_NEAR(last_s, 0.5 / 8, 1e-3);  // half of its conversion
+    for (std::size_t k = 0; k < 3; ++k) EXPECT_NEAR(driver->delay_s(3, k), double(7 - 2 * k) * last_s, 1e-9);
+    EXPECT_EQ(driver->delay_s(3, 4), last_s);
+    EXPECT_EQ(driver->delay_s(4, 0), 0);  // not a device of this link
+}
+
 TEST(I2cKeys, TwoChipsThatWouldAnswerAtOnceAreRefused) {
     const std::string one = "[[chip]]\ndevice = 0\nchip = \"ad7746\"\n";
     const std::string two = "[[chip]]\ndevice = 1\nchip = \"ads1115\"\ninputs = [\"AIN0\"]\n";

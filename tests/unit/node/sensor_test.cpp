@@ -111,7 +111,7 @@ TEST(Sensor, AFrameOfAnotherDeviceThanTheCalibrationsHasNoValue) {
 }
 
 TEST(Sensor, TheDelayOfChainAndLowPassIsInTheStandardDeviationWhileTheForceMoves) {
-    Sensor chain = with([](Sensor::Setup& setup) { setup.delay_s = 0.004; });
+    Sensor chain = with([](Sensor::Setup& setup) { setup.delay_s = {0.004, 0.004, 0.004}; });
     Sensor filtered = with([](Sensor::Setup& setup) { setup.settable.filter_Hz = 50; });
     tactiled_sample late{}, low_passed{};
     for (std::uint64_t i = 1; i < 50; ++i) {

@@ -227,6 +227,20 @@ TEST(Scene, AnArraySharesAPressAmongItsTaxels) {
     }
 }
 
+// The five electrodes of a pad are converted in turn, 0.1 s each; its film is sampled with the frame.
+TEST(Scene, KnowsTheDelayOfEachChannel) {
+    const Scene scene = scene_of(
+        "format = 1\ntitle = \"t\"\n[[sensor]]\nname = \"tip\"\nmodel = \"capacitive\"\n"
+        "[[motion]]\ndo = \"hold\"\nfor_s = 1\n");
+    const Sensor& tip = scene.sensors.front();
+    const std::vector<double> delay_s = scene.delay_s(tip);
+    ASSERT_EQ(tip.channels, (std::vector<std::string>{"C1", "C2", "C3", "C4", "Cn", "Vp"}));
+    ASSERT_EQ(delay_s.size(), 6u);
+    for (std::size_t k = 0; k < 5; ++k) EXPECT_NEAR(delay_s[k] - delay_s[5], 0.05 + 0.1 * double(4 - k), 1e-12);
+    EXPECT_GT(delay_s[5], 0);  // pad and low pass
+    EXPECT_LT(delay_s[5], 0.01);
+}
+
 TEST(Scene, SaysWhatIsWrongAndWhere) {
     EXPECT_EQ(refused(kHead + "[[motion]]\ndo = \"pres\"\n").find("scene.toml:11: "), 0u)
         << refused(kHead + "[[motion]]\ndo = \"pres\"\n");
