@@ -135,7 +135,7 @@ def screen(node, task, fault, port):
     lines += [force_line(name, sample) for name, sample in samples.items()]
     lines += ["", f"grip {grip:<9} weight {weight:<20} {WEIGHT_STATES[min(g.weight_state, 4)]:<14} true {task.true_kg:.4f} kg",
               PAUSED if task.paused else HELD.format(task.true_kg) if task.holds else task.done, f"sorted: {task.right} right, {task.wrong} wrong, {task.failed} given up", "",
-              "keys: " + "  ".join(f"{key} {name}" for key, (name, _) in FAULTS.items()) + "  r repair  p pause  h hold  q quit",
+              "key " + "  ".join(f"{key} {name}" for key, (name, _) in FAULTS.items()) + "  r repair  p pause  h hold  q quit",
               paint(f"fault: {FAULTS[fault][1]}", 31) if fault else "fault: none", "",
               "In another terminal: build/release/bin/tactilectl status, or read left --follow,",
               f"or as a PLC: mbpoll -m tcp -p {port} -t 3:hex -0 -r 0 -c 32 -1 127.0.0.1"]
@@ -170,16 +170,16 @@ def watch(node, gripper, task, port):
                 lines = [f"no data: {error}"]
             print("\x1b[H" + "\x1b[K\n".join(lines) + "\x1b[K\n\x1b[J", end="", flush=True)
             if select.select([sys.stdin], [], [], 0.1)[0]:
-                key = sys.stdin.read(1)
-                if key == "q":
-                    return
-                if key == "p":
-                    task.pause = not task.pause
-                if key == "h":
-                    task.hold = not task.hold
-                if key in FAULTS or key == "r":
-                    fault = key if key in FAULTS else ""
-                    gripper.inject(key)
+                for key in os.read(sys.stdin.fileno(), 64).decode(errors="replace"):  # sys.stdin would keep a second key
+                    if key == "q":
+                        return
+                    if key == "p":
+                        task.pause = not task.pause
+                    if key == "h":
+                        task.hold = not task.hold
+                    if key in FAULTS or key == "r":
+                        fault = key if key in FAULTS else ""
+                        gripper.inject(key)
     except KeyboardInterrupt:
         pass
     finally:

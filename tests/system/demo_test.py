@@ -66,8 +66,8 @@ class Screen:
     def end(self):
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGTERM)
+        os.close(self.master)  # else the program may wait until somebody reads its pictures
         self.process.wait(20)
-        os.close(self.master)
 
 
 def line_of(lines, name):
@@ -126,6 +126,7 @@ class Demo(unittest.TestCase):
             tare = subprocess.run([*self.before, BIN / "tactilectl", "tare", "left"], cwd=self.folder, env=env, capture_output=True, text=True)
             self.assertEqual(tare.returncode, 0, tare.stderr)
         screen.key("p")
+        self.assertTrue(any(line.startswith("key ") and line.endswith("q quit") for line in screen.lines()))
         screen.key("h")
         held = screen.wait("held object", lambda lines: any(line.startswith("held, so that") for line in lines), 30)
         kg = re.search(r"weigh known (0\.\d+)", "\n".join(held)).group(1)
