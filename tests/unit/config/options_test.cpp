@@ -215,7 +215,7 @@ TEST(Options, ReportNoMoreUnknownKeysThanAnyoneReads) {
     p.options.finish();
     const auto lines = p.problems.lines();
     ASSERT_EQ(lines.size(), 21u);
-    EXPECT_EQ(lines.front().substr(0, 29), "t.toml:1: unknown key \"k0\"; k");
+    EXPECT_EQ(lines.front(), "t.toml:1: unknown key \"k0\"");  // no key is known
     EXPECT_EQ(lines.back(), "t.toml:21: and 30 more unknown keys");
 }
 
