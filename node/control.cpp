@@ -38,9 +38,10 @@ void answer(int client, std::string_view text) {
     [[maybe_unused]] const auto sent = ::send(client, text.data(), text.size(), MSG_NOSIGNAL);
 }
 
+// Returns true if the client has closed its end; one that has only ended its writing still waits for the answer.
 bool has_hung_up(int client) {
-    pollfd p{client, POLLRDHUP, 0};
-    return ::poll(&p, 1, 0) == 1;
+    pollfd p{client, 0, 0};
+    return ::poll(&p, 1, 0) == 1 && (p.revents & (POLLHUP | POLLERR)) != 0;
 }
 
 // Returns the command of NODE weigh for its word.

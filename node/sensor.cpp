@@ -319,7 +319,9 @@ void Sensor::retune(const Sensor& other) noexcept {
     setup_.saturates_below = other.setup_.saturates_below;
     setup_.saturates_above = other.setup_.saturates_above;
     setup_.settable = other.setup_.settable;
-    setup_.delay_s = other.setup_.delay_s;
+    // As many channels, and no allocation, which an assignment of vectors does not promise.
+    std::copy_n(other.setup_.delay_s.begin(), std::min(other.setup_.delay_s.size(), setup_.delay_s.size()),
+                setup_.delay_s.begin());
     set_delay();
     setup_.accept_unproved_age = other.setup_.accept_unproved_age;
     setup_.thermometer = other.setup_.thermometer;

@@ -63,8 +63,9 @@ int weigh(const Args& args, const std::string& what) {
     }
     tactiled_node node{};
     (void)segment.latest_node(node);
-    if (what == "known" && node.grasp.weight_state == TACTILED_WEIGHT_STABLE &&
-        is_in_grams(args.mass_kg, node.grasp.weight_kg)) {
+    const double before_kg = node.grasp.weight_kg;
+    const bool is_stable = what == "known" && node.grasp.weight_state == TACTILED_WEIGHT_STABLE;
+    if (is_stable && is_in_grams(args.mass_kg, before_kg)) {
         fmt::print(
             stderr,
             "tactilectl: weigh known: the mass is in kg: {} kg is {:.0f} times the {:.4f} kg that hang now; for grams "
@@ -72,8 +73,6 @@ int weigh(const Args& args, const std::string& what) {
             args.mass_kg, args.mass_kg / node.grasp.weight_kg, node.grasp.weight_kg, args.mass_kg / 1000);
         return kUsage;
     }
-    const double before_kg = node.grasp.weight_kg;
-    const bool is_stable = what == "known" && node.grasp.weight_state == TACTILED_WEIGHT_STABLE;
     if (is_stable && !args.force && std::abs(args.mass_kg - before_kg) > kFarApart * std::abs(before_kg)) {
         fmt::print(stderr,
                    "tactilectl: weigh known: {:g} kg is {:.0f} % of the {:.4f} kg that hang now: is it this object? "
