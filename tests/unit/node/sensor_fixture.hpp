@@ -1,0 +1,31 @@
+// A sensor of three channels that are forces, and frames for it.
+#pragma once
+#include "node/sensor.hpp"
+#include "through.hpp"
+
+namespace tactiled {
+
+inline constexpr std::uint64_t kMs = 1'000'000;
+
+inline Sensor make(double counts_per_unit = 1) {
+    Sensor::Setup setup;
+    setup.channel_of_frame = {0, 1, 2};
+    setup.frame_channels = 3;
+    setup.counts_per_unit = counts_per_unit;
+    setup.saturates_below = -1000;
+    setup.saturates_above = 1000;
+    setup.decoupler = std::make_unique<Through>(100);
+    Sensor sensor(std::move(setup));
+    sensor.start(7, 0);
+    return sensor;
+}
+
+inline Frame frame(std::uint64_t t_ns, double a, double b, double c) {
+    Frame f;
+    f.t_ns = t_ns;
+    f.n_channels = 3;
+    f.channel = {a, b, c};
+    return f;
+}
+
+}  // namespace tactiled
