@@ -319,7 +319,7 @@ void Sensor::retune(const Sensor& other) noexcept {
     setup_.saturates_below = other.setup_.saturates_below;
     setup_.saturates_above = other.setup_.saturates_above;
     setup_.settable = other.setup_.settable;
-    // As many channels, and no allocation, which an assignment of vectors does not promise.
+    // Both have as many channels. An assignment of vectors might allocate.
     std::copy_n(other.setup_.delay_s.begin(), std::min(other.setup_.delay_s.size(), setup_.delay_s.size()),
                 setup_.delay_s.begin());
     set_delay();
