@@ -93,4 +93,4 @@ if ! kill -0 "$daemon" 2>/dev/null; then
     sed 's/^<[0-7]>//' build/demo/tactiled.log >&2  # without the levels of the journal
     exit 1
 fi
-/usr/bin/python3 node/demo/demo.py build/demo "$port" ${PICKS:-}
+/usr/bin/python3 node/demo/demo.py build/demo "$port"

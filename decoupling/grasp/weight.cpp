@@ -160,7 +160,8 @@ bool Weight::known(double mass_kg, std::span<const Contact> jaws) noexcept {
     if (now_.state != TACTILED_WEIGHT_STABLE || !held_known_ || !(mass_kg > 0) || !std::isfinite(mass_kg)) return false;
     if (tare_kg_ != 0) return false;  // the tare would contain a leak of the press, and the scale would not
     const double factor = mass_kg / now_.mass_kg;
-    if (!(factor > 0.2 && factor < 5)) return false;  // a jaw with no load or with all of it has no share to correct
+    if (!(factor > 1 / kKnownFactor && factor < kKnownFactor))
+        return false;  // a jaw with no load or with all of it has no share to correct
     // The known weight corrects the share's deviation only; the rest of the deviation would be in every later weight.
     if (now_.sd_kg > std::hypot(kKnownSure * now_.mass_kg, held_kg_ * share_sd())) return false;
     if (!(std::abs(rest_kg(jaws)) <= kKnownSure * now_.mass_kg))

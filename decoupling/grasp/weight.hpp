@@ -9,6 +9,7 @@
 
 namespace tactiled::grasp {
 
+inline constexpr double kKnownFactor = 5;   // most by which a known weight may change the scale
 inline constexpr double kKnownSure = 0.05;  // relative sd of a known weight: noise must not set the scale
 
 struct Weighed {

@@ -28,7 +28,7 @@ std::string result_text(int result) {
 }
 
 // Returns the reason why the grasp does not allow `what` now, as far as the node record shows it.
-std::string why_not_now(const tactiled_grasp& g, const std::string& what) {
+std::string why_not_now(const tactiled_grasp& g, const std::string& what, double mass_kg) {
     if (g.t_ns == 0) return "refused: there is no [grasp] in the daemon's configuration, or its sensors sent nothing yet";
     if (what == "known" && g.weight_state != TACTILED_WEIGHT_STABLE)
         return fmt::format(
@@ -41,6 +41,10 @@ std::string why_not_now(const tactiled_grasp& g, const std::string& what) {
             "{:.0f} %, "
             "apart from the uncertainty of the shares: press harder, or take a heavier object",
             g.weight_kg, 100 * g.weight_sd_kg / std::abs(g.weight_kg), 100 * grasp::kKnownSure);
+    if (const double factor = mass_kg / g.weight_kg;
+        what == "known" && !(factor > 1 / grasp::kKnownFactor && factor < grasp::kKnownFactor))
+        return fmt::format("refused: {:g} kg is {:.2g} times the {:.4f} kg that hang now; at most {:g} times, or a {:g}th",
+                           mass_kg, factor, g.weight_kg, grasp::kKnownFactor, grasp::kKnownFactor);
     return fmt::format("refused: the grasp does not allow it now (grip \"{}\", weight \"{}\": tactilectl status)",
                        grip_state_text(g.state), weight_state_text(g.weight_state));
 }
@@ -86,7 +90,8 @@ int weigh(const Args& args, const std::string& what) {
         fmt::print(stderr, "tactilectl: {}\n", answer.text);
     else
         fmt::print(answer.exit_status == kGood ? stdout : stderr, "weigh {}: {}\n", what,
-                   answer.result == TACTILED_COMMAND_NOT_NOW ? why_not_now(node.grasp, what) : result_text(answer.result));
+                   answer.result == TACTILED_COMMAND_NOT_NOW ? why_not_now(node.grasp, what, args.mass_kg)
+                                                             : result_text(answer.result));
     if (answer.exit_status == kGood && is_stable)
         fmt::print("it read {:.4f} kg, and reads {:g} kg from now on\n", before_kg, args.mass_kg);
     return answer.exit_status;

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """The demo of node/run.sh: a simulated gripper picks, weighs and sorts objects as a PLC commands it, beside a recorded real skin.
 
-    demo.py FOLDER PORT [PICKS]    FOLDER has the ports of the jaws; without a terminal, or with PICKS, it prints a line a pick and ends
+    demo.py FOLDER PORT            FOLDER has the ports of the jaws; without a terminal, it prints a line a pick and ends after three
+    PICKS=N                        the same after N
     HOLD=SECONDS                   holds the last object of PICKS so long
     PICTURE=FILE.svg               draws the live view while the last object of PICKS is held
 """
@@ -34,6 +35,15 @@ WIDTH = 80  # columns of a plain terminal
 COLOUR = "PICTURE" in os.environ or sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM", "dumb") != "dumb"
 
 
+def number_of(name):
+    """Returns the number in an environment variable, 0 if there is none."""
+    text = os.environ.get(name) or "0"
+    try:
+        return float(text)
+    except ValueError:
+        sys.exit(f'demo: {name}={text} is no number; write, for example, {name}=10')
+
+
 class Task(threading.Thread):
     """Picks until it is ended. `done` has the last action, `right` and `wrong` count the results."""
 
@@ -45,7 +55,7 @@ class Task(threading.Thread):
         self.held = lambda: None  # called while a weighed object is held
         self.pause, self.paused = False, False  # asked for by a key; between two picks, with open jaws
         self.hold, self.holds = False, False    # asked for by a key; the object of this pick, once it is weighed
-        self.hold_s = float(os.environ.get("HOLD", 0))
+        self.hold_s = number_of("HOLD")
 
     def run(self):
         try:
@@ -201,7 +211,7 @@ def wait_for_sensors(node):
 
 def main():
     folder, port = pathlib.Path(sys.argv[1]), int(sys.argv[2])
-    picks = int(sys.argv[3]) if len(sys.argv) > 3 else 0
+    picks = int(number_of("PICKS"))
     live = sys.stdin.isatty() and sys.stdout.isatty() and picks == 0
     gripper = Gripper(folder, 7)
     gripper.start()

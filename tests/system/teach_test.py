@@ -185,6 +185,7 @@ class Teach(unittest.TestCase):
         other = self.daemon.ctl("weigh", "known", "0.1")
         self.assertEqual(other.returncode, 2)
         self.assertIn("is it this object?", other.stderr)
+        self.assertIn("at most 5 times, or a 5th", self.daemon.ctl("weigh", "known", "0.02", "--force").stderr)
         self.assertFalse(self.node.grasp.scale_shown)
         self.assertEqual(self.daemon.ctl("weigh", "known", "0.1", "--force").returncode, 0)
         wait_for(lambda: abs(self.node.grasp.weight_kg - 0.1) < 0.001, 2, "the scale of another object")
