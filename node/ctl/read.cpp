@@ -73,11 +73,7 @@ int read(const Args& args) {
     if (!reader.is_attached()) {
         fmt::print(stderr, "tactilectl: {}\n", reader.why_not());
         std::string unused;
-        const Segment segment = Segment::try_open(args.node, unused);
-        if (!segment.is_open()) return kNotReachable;
-        fmt::print(stderr, "it has");
-        for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) fmt::print(stderr, " {}", segment.sensor(i).name);
-        fmt::print(stderr, "\n");
+        if (!Segment::try_open(args.node, unused).is_open()) return kNotReachable;
         return kUsage;
     }
     if (args.csv)

@@ -49,9 +49,7 @@ int tare(const Args& args) {
     if (args.sensor != "all") {
         const int index = segment.find(args.sensor);
         if (index < 0) {
-            fmt::print(stderr, "tactilectl: node \"{}\" has no sensor \"{}\"; it has", args.node, args.sensor);
-            for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) fmt::print(stderr, " {}", segment.sensor(i).name);
-            fmt::print(stderr, "\n");
+            fmt::print(stderr, "tactilectl: {}\n", segment.why_no_sensor(args.node, args.sensor));
             return kUsage;
         }
         mask = 1u << index;

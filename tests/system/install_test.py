@@ -104,7 +104,7 @@ class Installed(unittest.TestCase):
             subprocess.run([*compiler, f"-I{self.prefix}/include", self.folder / file, "-o", self.folder / "wrong"], check=True)
             seen = subprocess.run([self.folder / "wrong"], capture_output=True, text=True, timeout=30)
             self.assertEqual(seen.stdout, "")
-            self.assertIn('has no sensor "tabel"', seen.stderr, file)
+            self.assertIn('has no sensor "tabel"; it has: table', seen.stderr, file)
         source = example("python", self.daemon.name).replace('"table"', '"tabel"')
         seen = subprocess.run(["/usr/bin/python3", "-c", source], env={**os.environ, "PYTHONPATH": str(ROOT / "node/python")},
                               capture_output=True, text=True, timeout=30)

@@ -286,6 +286,16 @@ static inline int tactiled_find(const struct tactiled_segment* segment, const ch
     return -1;
 }
 
+/* Writes the message for a name that no sensor has, with the names that there are, cut at `size`. */
+static inline void tactiled_no_sensor(const struct tactiled_segment* segment, const char* node_name, const char* sensor_name,
+                                      char* text, size_t size) {
+    uint32_t i;
+    int at = snprintf(text, size, "node \"%s\" has no sensor \"%s\"; it has:", node_name, sensor_name);
+    for (i = 0; i < segment->n_sensors && at > 0 && (size_t)at < size; ++i)
+        at += snprintf(text + at, size - (size_t)at, "%s %.*s", i == 0 ? "" : ",", TACTILED_NAME_SIZE,
+                       tactiled_sensor_of(segment, i)->name);
+}
+
 /* Copies the newest sample of a sensor, judged at `now_ns`: BAD if it is older than stale_ms, if the daemon has
  * ended, or if the daemon has published nothing for watchdog_ms. Returns 0 and a BAD sample if there is none. */
 static inline int tactiled_latest(const struct tactiled_segment* segment, uint32_t index, struct tactiled_sample* sample,
@@ -442,8 +452,10 @@ static inline int tactiled_reader_attach(struct tactiled_reader* r, uint64_t now
     }
     index = tactiled_find(&fresh, r->sensor);
     if (index < 0 || !tactiled_is_current(&fresh)) {
-        snprintf(r->segment.why, sizeof r->segment.why,
-                 index < 0 ? "node \"%s\" has no sensor \"%s\"" : "node \"%s\" has stopped", r->node, r->sensor);
+        if (index < 0)
+            tactiled_no_sensor(&fresh, r->node, r->sensor, r->segment.why, sizeof r->segment.why);
+        else
+            snprintf(r->segment.why, sizeof r->segment.why, "node \"%s\" has stopped", r->node);
         tactiled_close(&fresh);
         return 0;
     }

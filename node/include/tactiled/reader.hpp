@@ -70,6 +70,12 @@ public:
     }
     // Returns the index of the sensor with that name, or -1.
     int find(const std::string& sensor_name) const noexcept { return tactiled_find(c_, sensor_name.c_str()); }
+    // Returns the message for a name that no sensor has, with the names that there are.
+    std::string why_no_sensor(const std::string& node_name, const std::string& sensor_name) const {
+        char text[320];
+        tactiled_no_sensor(c_, node_name.c_str(), sensor_name.c_str(), text, sizeof text);
+        return text;
+    }
 
     // Copies the newest sample of a sensor, judged at `now_ns`. Returns false and a BAD sample if there is
     // none.
