@@ -283,8 +283,9 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         if (component.held_out_rms >= component.spread)
             report.warnings.push_back(
                 fmt::format("{}: held-out error {:.3g} is no smaller than the spread {:.3g} of its labels: these channels "
-                            "do not determine {}, or a part that was left out alone loads this axis",
-                            component.name, component.held_out_rms, component.spread, component.name));
+                            "do not determine {}, or a part that was left out alone loads this axis{}",
+                            component.name, component.held_out_rms, component.spread, component.name,
+                            validation.by_sessions ? ", or a session has another unit, gain or order of the channels" : ""));
     }
     for (const auto& [name, value] : request.parameters)
         if (std::none_of(all_fitted.begin(), all_fitted.end(), [&, key = name, wanted = value](const Trial* one) {

@@ -60,6 +60,20 @@ TEST(Corrections, OfABentSensorLowerTheError) {
     }
 }
 
+TEST(Corrections, OfOneComponentLeaveTheOthersAlone) {
+    Labelled labelled = ramps(1, 3, 0);
+    for (auto& row : labelled.rows) {
+        const double noise = row.channel[0], fx = row.wrench_S[0], fz = row.wrench_S[2];
+        const double bent = fz + 0.05 * fz * fz;
+        row.channel = {fx, bent, 0.5 * (fx + bent)};
+        for (int k = 0; k < 3; ++k) row.channel[std::size_t(k)] += 1e-3 * std::sin(1e5 * noise + k);
+        row.wrench_S[1] = kNaN;
+    }
+    const FitReport matrix = fit(labelled, by("matrix")), quadratic = fit(labelled, by("quadratic"));
+    EXPECT_TRUE(warns(quadratic, "method quadratic keeps method matrix for fx:"));
+    EXPECT_LT(quadratic.components[1].held_out_rms, 0.4 * matrix.components[1].held_out_rms);
+}
+
 // A component with few labels is fitted to the rows that have it.
 TEST(Corrections, UseTheRowsOfEachComponent) {
     for (const int every : {20, 2}) {  // one of 20 rows lacks it, or half of them

@@ -174,6 +174,9 @@ TEST(Input, MarksForMissingLabelsAreRefused) {
     EXPECT_EQ(refusal(far, by("matrix")), "");
     far.rows[90].channel = labelled.rows[90].channel;
     EXPECT_NE(refusal(far, by("matrix")).find("-99 there and in 1 other rows"), std::string::npos);
+    Labelled both = labelled;
+    for (const std::size_t i : {40u, 90u}) both.rows[i].wrench_S[2] = both.rows[i].channel[1] = -999;
+    EXPECT_NE(refusal(both, by("matrix")).find("fz_N is -999 there"), std::string::npos);
     for (std::size_t i = 0; i < 400; ++i) {  // weights of 0.1, 1 and 10 N, the last one twice
         const double fz = i == 100 || i == 200 ? -10 : i % 2 == 0 ? -1 : -0.1;
         decades.rows[i].wrench_S[2] = fz;

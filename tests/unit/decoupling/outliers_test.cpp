@@ -145,6 +145,29 @@ TEST(Outliers, RowsInTheTailAreNamedAndKept) {
     EXPECT_GT(named, 10u);
 }
 
+// Two labels among 600 hardly change the fit, and two sessions show no gain; but no tail of good rows reaches so far.
+TEST(Outliers, LabelsThatAreFarOffAreLeftOut) {
+    Labelled labelled = Cell(7).recording(2, 10, 0, 1e-2);
+    labelled.rows[114].wrench_S[2] = 0;   // N, is -80
+    labelled.rows[407].wrench_S[0] = 40;  // is 0
+    const FitReport report = fit(labelled, by("matrix"));
+    EXPECT_EQ(lines_of(report, true), (std::set<std::int64_t>{116, 409}));
+}
+
+// The labels of a scale that shows steps of 2 % of full scale are off by half a step at most.
+TEST(Outliers, RoundedLabelsAreNoMistakes) {
+    Labelled labelled = waves(1000, 3e-3, 1, false);
+    for (std::size_t i = 0; i < 1000; ++i) {
+        LabelledRow& row = labelled.rows[i];
+        const double press = std::max(0.0, std::sin(double(i) / 7)), fx = 0.3 * press * std::sin(1e3 * double(i)),
+                     fz = -press;
+        const double noise = 0.2 * (row.channel[0] - row.wrench_S[0]);
+        row.channel = {fx + 0.1 * fz + noise, fz + 0.05 * fx - noise, 0.5 * fx - fz};
+        row.wrench_S[0] = 0.02 * std::round(fx / 0.02), row.wrench_S[2] = 0.02 * std::round(fz / 0.02);
+    }
+    EXPECT_TRUE(fit(labelled, by("matrix")).suspects.empty());
+}
+
 // A mistyped load that is kept, because it is at the end of the range, does not hide another one.
 TEST(Outliers, AKeptLoadDoesNotHideOthers) {
     for (const double greatest : {70.0, 82.0, 90.0}) {
