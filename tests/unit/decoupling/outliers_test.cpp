@@ -156,13 +156,15 @@ TEST(Outliers, LabelsThatDistortTheFitAreLeftOut) {
     EXPECT_GE(out, 25u);  // of 50: the others are named
 }
 
-// Two labels among 600 hardly change the fit, and two sessions show no gain; but no tail of good rows reaches so far.
+// Labels off by 18 sd: no tail of good rows reaches so far, whether or not the fit without them is better.
 TEST(Outliers, LabelsThatAreFarOffAreLeftOut) {
-    Labelled labelled = Cell(7).recording(2, 10, 0, 1e-2);
-    labelled.rows[114].wrench_S[2] = 0;   // N, is -80
-    labelled.rows[407].wrench_S[0] = 40;  // is 0
-    const FitReport report = fit(labelled, by("matrix"));
-    EXPECT_EQ(lines_of(report, true), (std::set<std::int64_t>{116, 409}));
+    std::size_t out = 0;
+    for (unsigned seed = 1; seed <= 10; ++seed) {
+        Labelled labelled = Cell(seed).recording(1, 4, 0, 1e-2);
+        for (const std::size_t i : {14u, 72u, 113u}) labelled.rows[i].wrench_S[0] += i == 72 ? -9 : 9;  // N, 0 before
+        out += lines_of(fit(labelled, by("matrix")), true).size();
+    }
+    EXPECT_GE(out, 29u);  // of 30: one is off by little more than the tail
 }
 
 // The labels of a scale that shows steps of 2 % of full scale are off by half a step at most.
