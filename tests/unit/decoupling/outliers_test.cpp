@@ -153,7 +153,7 @@ TEST(Outliers, LabelsThatDistortTheFitAreLeftOut) {
         for (const std::size_t i : {14u, 47u, 72u, 101u, 113u}) labelled.rows[i].wrench_S[0] += 5.5;  // N, 0 before
         out += lines_of(fit(labelled, by("matrix")), true).size();
     }
-    EXPECT_GE(out, 25u);  // of 50: the others are named
+    EXPECT_GE(out, 25u);  // the others of 50 are named
 }
 
 // Labels off by 18 sd: no tail of good rows reaches so far, whether or not the fit without them is better.
@@ -164,7 +164,7 @@ TEST(Outliers, LabelsThatAreFarOffAreLeftOut) {
         for (const std::size_t i : {14u, 72u, 113u}) labelled.rows[i].wrench_S[0] += i == 72 ? -9 : 9;  // N, 0 before
         out += lines_of(fit(labelled, by("matrix")), true).size();
     }
-    EXPECT_GE(out, 29u);  // of 30: one is off by little more than the tail
+    EXPECT_GE(out, 29u);  // one of 30 is off by little more than the tail
 }
 
 // The labels of a scale that shows steps of 2 % of full scale are off by half a step at most.
