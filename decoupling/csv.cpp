@@ -79,7 +79,8 @@ CsvReader::CsvReader(const std::string& path) : name_(path == "-" ? "standard in
         refuse("columns are separated by blanks here; separate them by ','");
     if (columns_.size() > kMaxColumns) refuse(fmt::format("{} columns; at most {}", columns_.size(), kMaxColumns));
     for (std::size_t k = 0; k < columns_.size(); ++k) {
-        if (columns_[k].empty()) refuse(fmt::format("column {} has no name", k + 1));
+        if (columns_[k].empty())
+            refuse(fmt::format("column {} has no name{}", k + 1, k == 0 ? "; is it a row number? Delete it" : ""));
         if (parse(columns_[k]))
             refuse(fmt::format("column {} is named \"{}\"; the first line names the columns: t_s,R1,R3,...", k + 1,
                                shown(columns_[k])));

@@ -71,7 +71,7 @@ void Ridge::take_out(const Eigen::MatrixXd& features) {
 Eigen::MatrixXd Ridge::solve(const Eigen::MatrixXd& feature_y, double ridge) const {
     Eigen::MatrixXd regular = gram_;
     regular.diagonal().array() += ridge * rows_;
-    return dense::solve_by_ldlt(regular, feature_y);
+    return dense::solve_by_llt(regular, feature_y);
 }
 
 Eigen::MatrixXd rows_of(const Eigen::MatrixXd& matrix, const std::vector<Eigen::Index>& rows) {

@@ -89,10 +89,11 @@ void check_number(const Rows& rows, const FitReport& report) {
     for (const auto& component : report.components) {
         const std::size_t independent = independent_rows(rows, component_index(component.name));
         if (independent >= kRowsPerCoefficient * coefficients) continue;
-        throw Undetermined(
-            fmt::format("{} {} with {} for {} coefficients; at least {} are needed", independent,
-                        independent == std::size_t(component.rows) ? "rows" : "loads (rows of one load count once)",
-                        component.name, coefficients, kRowsPerCoefficient * coefficients));
+        throw Undetermined(fmt::format(
+            "{} {} with {} for {} coefficients; at least {} are needed: record more, or use fewer "
+            "channels (--channels)",
+            independent, independent == std::size_t(component.rows) ? "rows" : "loads (rows of one load count once)",
+            component.name, coefficients, kRowsPerCoefficient * coefficients));
     }
 }
 
@@ -109,9 +110,9 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     calibration.date = request.date;
 
     if (const auto n = std::count_if(all.rows.begin(), all.rows.end(), has_label); n < std::ptrdiff_t(kMinRows))
-        throw Undetermined(fmt::format("{} rows with a label; at least {} a coefficient are needed, {} for {} channels", n,
-                                       kRowsPerCoefficient, kRowsPerCoefficient * (all.channels.size() + 1),
-                                       all.channels.size()));
+        throw Undetermined(
+            fmt::format("{} rows with a label; at least {} a coefficient are needed, {} for {} channels: record more", n,
+                        kRowsPerCoefficient, kRowsPerCoefficient * (all.channels.size() + 1), all.channels.size()));
     const auto labelled = std::make_shared<Labelled>(with_useful_channels(all, *methods.front(), report.warnings));
     report.labelled = labelled;
     calibration.channels = labelled->channels;
@@ -282,8 +283,9 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         if (component.held_out_rms >= component.spread)
             report.warnings.push_back(
                 fmt::format("{}: held-out error {:.3g} is no smaller than the spread {:.3g} of its labels: these channels "
-                            "do not determine {}, or a part that was left out alone loads this axis",
-                            component.name, component.held_out_rms, component.spread, component.name));
+                            "do not determine {}, or a part that was left out alone loads this axis{}",
+                            component.name, component.held_out_rms, component.spread, component.name,
+                            validation.by_sessions ? ", or a session has another unit, gain or order of the channels" : ""));
     }
     for (const auto& [name, value] : request.parameters)
         if (std::none_of(all_fitted.begin(), all_fitted.end(), [&, key = name, wanted = value](const Trial* one) {

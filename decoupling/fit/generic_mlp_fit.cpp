@@ -163,7 +163,7 @@ Eigen::Index neurons_for(std::size_t independent, std::size_t inputs, std::size_
     if (independent < kRowsPerWeight * least)
         throw Undetermined(
             fmt::format("{} independent rows for the {} weights of the smallest network of method mlp; at "
-                        "least {} are needed",
+                        "least {} are needed: record more loads, or use fewer channels or method matrix",
                         independent, least, kRowsPerWeight * least));
     const std::size_t weights = std::max(least, std::min(kMaxWeights, independent / kRowsPerWeightOfMore));
     return std::min(kMaxNeurons, Eigen::Index((weights - components) / per_neuron));

@@ -54,7 +54,7 @@ std::vector<std::size_t> search(const Scaled& scaled, Eigen::Index n_features) {
         for (const double ridge : kRidges) {
             Eigen::MatrixXd regular = all - gram[std::size_t(part)];
             regular.diagonal().array() += ridge * rows_seen;
-            weights.push_back(dense::solve_by_ldlt(regular, all_y - feature_y[std::size_t(part)]));
+            weights.push_back(dense::solve_by_llt(regular, all_y - feature_y[std::size_t(part)]));
         }
         for_each_chunk(scaled.u, begin_of(part), begin_of(part + 1), [&](Eigen::Index at, const Eigen::MatrixXd& features) {
             for (std::size_t r = 0; r < kRidges.size(); ++r)
@@ -64,7 +64,7 @@ std::vector<std::size_t> search(const Scaled& scaled, Eigen::Index n_features) {
     }
     Eigen::MatrixXd regular = all;
     regular.diagonal().array() += kRidges.front() * double(y.rows());
-    const Eigen::RowVectorXd explained = all_y.cwiseProduct(dense::solve_by_ldlt(regular, all_y)).colwise().sum();
+    const Eigen::RowVectorXd explained = all_y.cwiseProduct(dense::solve_by_llt(regular, all_y)).colwise().sum();
     std::vector<std::size_t> chosen;
     for (Eigen::Index c = 0; c < y.cols(); ++c) {
         Eigen::Index best = 0;
@@ -103,41 +103,45 @@ void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::
         if (independent < needed)
             throw Undetermined(
                 fmt::format("{} independent rows with {} for {} coefficients of method quadratic; at least {} "
-                            "are needed",
+                            "are needed: record more loads, or use fewer channels or method matrix",
                             independent, component, n, needed));
     }
     const std::vector<std::size_t> ridge = search(scaled, n);
     // Components with a label in every row share one triangle.
     const auto has_all = [&](const Leftover& leftover) { return Eigen::Index(leftover.rows.size()) == scaled.u.rows(); };
     Eigen::MatrixXd y(scaled.u.rows(), 0);
-    for (const Leftover& leftover : scaled.component)
-        if (has_all(leftover)) {
+    for (std::size_t i = 0; i < scaled.component.size(); ++i)
+        if (has_all(scaled.component[i]) && ridge[i] < kRidges.size()) {
             y.conservativeResize(y.rows(), y.cols() + 1);
-            y.rightCols(1) = leftover.y;
+            y.rightCols(1) = scaled.component[i].y;
         }
     const Eigen::MatrixXd shared = y.cols() > 0 ? triangle_of(scaled.u, y, n) : y;
     // Products of correlated channels are dependent: the shortest of the equally good solutions is taken.
-    const Eigen::MatrixXd exact = y.cols() > 0 ? exact_solution(shared, n) : y;
+    const bool any_exact = std::count(ridge.begin(), ridge.end(), std::size_t{0}) > 0;
+    const Eigen::MatrixXd exact = y.cols() > 0 && any_exact ? exact_solution(shared, n) : y;
     Eigen::Index next = 0;  // column of the next component in `exact`
     std::string kept;
     auto& table = calibration.tables["quadratic"];
     table.clear();
     for (std::size_t i = 0; i < scaled.component.size(); ++i) {
         const Leftover& leftover = scaled.component[i];
-        const bool all = has_all(leftover);
-        const Eigen::MatrixXd own = all ? Eigen::MatrixXd() : triangle_of(rows_of(scaled.u, leftover.rows), leftover.y, n);
-        const Eigen::Index column = all ? next++ : 0;
         Eigen::VectorXd q = Eigen::VectorXd::Zero(n);
         if (ridge[i] == kRidges.size()) {
             kept += (kept.empty() ? "" : ", ") + calibration.components[i];
-        } else if (ridge[i] == 0) {
+            table.emplace_back(q.data(), q.data() + q.size());
+            continue;
+        }
+        const bool all = has_all(leftover);
+        const Eigen::MatrixXd own = all ? Eigen::MatrixXd() : triangle_of(rows_of(scaled.u, leftover.rows), leftover.y, n);
+        const Eigen::Index column = all ? next++ : 0;
+        if (ridge[i] == 0) {
             q = all ? Eigen::VectorXd(exact.col(column)) : Eigen::VectorXd(exact_solution(own, n).col(0));
         } else {
             const Eigen::MatrixXd& triangle = all ? shared : own;
             const Eigen::MatrixXd r = triangle.topLeftCorner(n, n);
             Eigen::MatrixXd gram = r.transpose() * r;
             gram.diagonal().array() += kRidges[ridge[i]] * double(leftover.rows.size());
-            q = dense::solve_by_ldlt(gram, r.transpose() * triangle.col(n + column).head(n));
+            q = dense::solve_by_llt(gram, r.transpose() * triangle.col(n + column).head(n));
         }
         table.emplace_back(q.data(), q.data() + q.size());
     }

@@ -134,7 +134,10 @@ void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string
     const Eigen::Index n_centres = std::min(kMaxCentres, Eigen::Index(independent) / kRowsPerCentre);
     const auto needed = std::max(std::size_t(8 * kRowsPerCentre), kRowsPerCoefficient * std::size_t(n_quadratic));
     if (independent < needed)
-        throw Undetermined(fmt::format("{} independent rows for method rbf; at least {} are needed", independent, needed));
+        throw Undetermined(
+            fmt::format("{} independent rows for method rbf; at least {} are needed: record more loads, or "
+                        "use fewer channels or method matrix",
+                        independent, needed));
     const Eigen::MatrixXd centres = k_means(scaled.u, n_centres);
     const auto [spread, ridge, gains] = search(scaled, centres);
     calibration.parameters = {{"spread", spread}, {"ridge", ridge}};

@@ -39,7 +39,8 @@ std::string no_channel(std::string_view column) {
     };
     if (is({"time", "timestamp", "date", "datetime", "t_ms", "t_us", "t_ns", "seconds"}) || name == "t")
         return "a time is called \"t_s\" and is in seconds";
-    if (is({"row", "index", "line", "sample"})) return "a row number is no reading";
+    if (is({"row", "index", "line", "sample"}) || name.starts_with("unnamed:")) return "a row number is no reading";
+    if (is({"reference", "ground_truth", "label", "target"})) return "a reference would predict itself";
     if (is({"force", "weight", "torque", "moment"})) return "a label is called fx_N fy_N fz_N mx_Nm my_Nm or mz_Nm";
     return "";
 }

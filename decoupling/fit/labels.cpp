@@ -19,6 +19,7 @@ constexpr double kLargestLoad = 1e12;        // N or Nm; its inverse is the mini
 constexpr double kNoPress = 0.02;            // relative to the largest pull
 // Distance of a mark for a missing value over the range of all other labels; the second if it consists of nines.
 constexpr double kMarkBeyond = 15, kNinesBeyond = 2;
+constexpr double kFollows = 0.5;          // relative to a channel's width in the other rows
 constexpr double kUsual[] = {1000, 100};  // N, Nm: more is rare in a gripper, and usual for grams or mN
 constexpr double kLongArm_m = 1;          // a moment over a force
 
@@ -28,7 +29,27 @@ bool is_nines(double label) {
     return power >= 2 && next == std::pow(10, power);
 }
 
-// A label that several rows have exactly, or that consists of nines, far from those of all other rows.
+// Returns true if in each row with the label `mark` a channel is beyond its values in the other rows, as under a load
+// that is far greater. A channel with the mark itself does not count.
+bool channels_follow(const Rows& rows, std::size_t c, double mark) {
+    const std::size_t n = rows.front()->channel.size();
+    std::vector<double> min(n, std::numeric_limits<double>::infinity()), max(n, -std::numeric_limits<double>::infinity());
+    for (const auto* row : rows)
+        for (std::size_t k = 0; k < n; ++k) {
+            if (row->wrench_S[c] == mark) continue;
+            min[k] = std::min(min[k], row->channel[k]);
+            max[k] = std::max(max[k], row->channel[k]);
+        }
+    return std::all_of(rows.begin(), rows.end(), [&](const LabelledRow* row) {
+        bool follows = row->wrench_S[c] != mark;
+        for (std::size_t k = 0; k < n; ++k)
+            follows = follows || (row->channel[k] != mark && std::max(row->channel[k] - max[k], min[k] - row->channel[k]) >
+                                                                 kFollows * (max[k] - min[k]));
+        return follows;
+    });
+}
+
+// A label that several rows have exactly, or that consists of nines, far from those of all other rows, while no channel is.
 void refuse_mark(const Labelled& labelled, const Rows& rows, std::size_t c) {
     const LabelledRow *least = nullptr, *greatest = nullptr;
     for (const auto* row : rows) {
@@ -49,7 +70,7 @@ void refuse_mark(const Labelled& labelled, const Rows& rows, std::size_t c) {
         }
         const double beyond = is_nines(mark) ? kNinesBeyond : kMarkBeyond;
         if ((n < 2 && !is_nines(mark)) || others < 3 || !(max > min) ||
-            std::max(mark - max, min - mark) <= beyond * (max - min))
+            std::max(mark - max, min - mark) <= beyond * (max - min) || channels_follow(rows, c, mark))
             continue;
         throw Undetermined(
             fmt::format("{}:{}: {} is {:.5g} there and in {} other rows, elsewhere {:.4g} to {:.4g}: a mark "
@@ -111,8 +132,9 @@ Labelled with_useful_channels(const Labelled& labelled, const FitEntry& method, 
         }
     }
     if (kept.empty())
-        throw Undetermined(method.knows_channel != nullptr ? fmt::format("no column is {}", method.channels)
-                                                           : "no channel changes in the labelled rows");
+        throw Undetermined(method.knows_channel != nullptr
+                               ? fmt::format("no column is {}", method.channels)
+                               : "no channel changes in the labelled rows: is it connected, and was it loaded?");
     return with_channels(labelled, kept);
 }
 

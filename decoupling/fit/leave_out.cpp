@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 
 #include "decoupling/fit/labels.hpp"
@@ -15,6 +16,9 @@ namespace {
 constexpr double kTail = 0.99;
 // A gain counts if it is this share of the squared errors, or as many standard errors of the sum over the parts held out.
 constexpr double kClearGain = 0.05, kSure = 2;
+// A label is left out, too, if its error is so many times the others' 99 % quantile that of good rows whose errors have
+// the tails of Student's distribution of two degrees (shares fall with the square) one in twenty recordings would have it.
+constexpr double kFarTimes = 5, kFarPerRow = 0.01 * 20;
 
 // Sums of the squared errors of each part that was held out.
 std::vector<Wrench> losses_of(const Validation& validation, const std::set<const LabelledRow*>& suspects,
@@ -54,6 +58,17 @@ Wrench tail_of(const Validation& validation, const std::set<const LabelledRow*>&
     return tail;
 }
 
+// Returns for each suspected row which of its labels are further off than chance explains.
+std::map<const LabelledRow*, std::array<bool, 6>> far_off(const Validation& validation,
+                                                          const std::set<const LabelledRow*>& suspects, const Wrench& tail) {
+    const double times = std::max(kFarTimes, std::sqrt(kFarPerRow * double(validation.rows.size())));
+    std::map<const LabelledRow*, std::array<bool, 6>> far;
+    for (const auto& [row, estimated_S] : validation.rows)
+        for (std::size_t c = 0; suspects.count(row) != 0 && c < 6; ++c)
+            far[row][c] = tail[c] > 0 && std::abs(estimated_S[c] - row->wrench_S[c]) > times * tail[c];
+    return far;
+}
+
 }  // namespace
 
 void leave_out(Labelled& labelled, Rows& rows, const FitEntry& method, const ZeroDrift& drift, const Refit& refit,
@@ -70,18 +85,21 @@ void leave_out(Labelled& labelled, Rows& rows, const FitEntry& method, const Zer
     const Validation without = hold_out(labelled, rows, method, judged.calibration, drift, ignored, suspects);
     std::array<bool, 6> lower{};
     lower.fill(true);
+    std::map<const LabelledRow*, std::array<bool, 6>> far;
     if (!with.how.empty() && !without.how.empty()) {
         const Wrench tail = tail_of(without, suspects);
         const auto before = losses_of(with, suspects, tail), after = losses_of(without, suspects, tail);
         for (std::size_t c = 0; c < 6; ++c) lower[c] = gains(before, after, c);
+        far = far_off(without, suspects, tail);
     }
     bool all = true;
     for (Suspect& suspect : judged.suspects) {
         if (!suspect.left_out) continue;
-        suspect.left_out = lower[suspect.component];
+        const std::array<bool, 6> off = far[suspect.row];
+        suspect.left_out = lower[suspect.component] || off[suspect.component];
         Wrench& label = labelled.rows[std::size_t(suspect.row - labelled.rows.data())].wrench_S;
         for (std::size_t c = 0; c < 6; ++c)
-            if (suspect.left_out && lower[c]) label[c] = kNaN;
+            if (suspect.left_out && (lower[c] || off[c])) label[c] = kNaN;
         all = all && !has_label(*suspect.row);
     }
     std::erase_if(rows, [](const LabelledRow* row) { return !has_label(*row); });

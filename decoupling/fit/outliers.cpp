@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <set>
 #include <utility>
 
@@ -19,6 +20,9 @@ constexpr double kMaxShareLeftOut = 0.05;  // share of the loads; the limit is t
 constexpr std::size_t kMaxLeftOut = 3;
 constexpr std::size_t kSmallRecording = 2000;  // number of loads
 constexpr int kRounds = 6, kRoundsOfMany = 3;
+// A label with a smaller error is not a relevant mistake. The step is the smallest distance of two different labels: if
+// they are rounded, each may be off by half of it.
+constexpr double kOfFullScale = 0.01, kOfStep = 0.6;
 // Left out of the first fit that judges: a load that distorts the fit of all rows would hide among the errors that it
 // causes.
 constexpr double kTrimmed = 0.02;  // share of the loads; the limit is this or kMaxLeftOut loads
@@ -53,6 +57,21 @@ std::set<const LabelledRow*> rows_of_greatest_errors(const std::vector<Load>& lo
     return result;
 }
 
+// Returns the error of each label from which on it may be a mistake: a part of full scale, but more than rounding.
+Wrench relevant_errors(const Rows& rows, const Wrench& full_scale) {
+    Wrench relevant{};
+    for (std::size_t c = 0; c < 6; ++c) {
+        std::set<double> labels;
+        for (const auto* row : rows)
+            if (std::isfinite(row->wrench_S[c])) labels.insert(row->wrench_S[c]);
+        double step = labels.size() > 1 ? std::numeric_limits<double>::infinity() : 0;
+        for (auto at = labels.begin(); at != labels.end() && std::next(at) != labels.end(); ++at)
+            step = std::min(step, *std::next(at) - *at);
+        relevant[c] = std::max(kOfFullScale * full_scale[c], kOfStep * step);
+    }
+    return relevant;
+}
+
 std::string unit_of(std::size_t c) { return c < 3 ? "N" : "Nm"; }
 
 }  // namespace
@@ -61,7 +80,7 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
     LabelsJudged judged;
     std::vector<Load> loads = loads_of_same_label(rows);
     judged.loads = loads.size();
-    const Wrench full_scale = robust_full_scale(rows);
+    const Wrench full_scale = robust_full_scale(rows), relevant = relevant_errors(rows, full_scale);
     std::vector<std::size_t> components;
     for (std::size_t c = 0; c < 6; ++c)
         if (full_scale[c] > 0) components.push_back(c);
@@ -85,7 +104,7 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
                 estimate_loads(refit(without(rows_of_greatest_errors(loads, components, full_scale))), loads);
             } catch (const Undetermined&) {  // one of them is needed: judge with all
             }
-        found = suspects_of(loads, components, full_scale);
+        found = suspects_of(loads, components, full_scale, relevant);
         suspected.clear();
         std::size_t n = 0;
         for (std::size_t l = 0; l < loads.size(); ++l)

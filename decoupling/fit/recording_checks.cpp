@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "decoupling/fit/labels.hpp"
-#include "decoupling/fit/least_squares.hpp"
 #include "decoupling/fit/suspect_loads.hpp"
 #include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
@@ -19,6 +18,7 @@ constexpr std::size_t kFewRows = 30;  // fewer rows do not show these mistakes
 // A mark for a missing value, such as -999: at least two rows have exactly this value, and all others are further away
 // from it than they extend, with many different values.
 constexpr std::size_t kDifferent = 20;
+constexpr double kFollows = 0.5;                       // relative to the range of the other rows' labels
 constexpr double kCutOff = 0.01, kCutOffTimes = 3;     // share of the rows at the end; times the next most frequent value
 constexpr double kUnderLoad = 0.2;                     // relative to full scale
 constexpr double kMoves = 0.5;                         // sd of the channels in rows with labels of 0 over that of all rows
@@ -27,16 +27,6 @@ constexpr Eigen::Index kMaxRows = 30'000;              // rows from the start th
 constexpr double kLagGains = 0.6, kLagMatters = 0.01;  // error with over without; relative to full scale
 constexpr std::size_t kManyRows = 100;                 // more rows are not applied by hand
 constexpr double kFarApart_s = 5;                      // rows of an instrument are not so far apart
-constexpr double kNearUnit = 0.05, kCorrelated = 0.98;
-struct Unit {
-    double factor;
-    const char* remark;
-};
-constexpr Unit kUnits[] = {{-1, "the sign is the other one; a press has fz < 0"},
-                           {101.97, "1 N is the weight of 102 g"},
-                           {0.10197, "1 N is the weight of 0.102 kg"},
-                           {1000, "1 N is 1000 mN"},
-                           {0.22481, "1 N is 0.225 lbf"}};
 
 double spread(const std::vector<double>& values) {
     double sum = 0, squares = 0;
@@ -58,6 +48,28 @@ double extent(const Rows& rows, const Wrench& full_scale) {
         if (max > min && full_scale[c] > 0) result = std::max(result, (max - min) / full_scale[c]);
     }
     return result;
+}
+
+// Returns true if in each row with this value of a channel a label is far beyond those of all others, so that the load
+// explains the readings.
+bool labels_follow(const Rows& rows, std::size_t k, double value) {
+    Wrench min, max;
+    min.fill(std::numeric_limits<double>::infinity());
+    max.fill(-std::numeric_limits<double>::infinity());
+    for (const auto* row : rows) {
+        if (row->channel[k] == value) continue;
+        for (std::size_t c = 0; c < 6; ++c) {
+            min[c] = std::fmin(min[c], row->wrench_S[c]);
+            max[c] = std::fmax(max[c], row->wrench_S[c]);
+        }
+    }
+    return std::all_of(rows.begin(), rows.end(), [&](const LabelledRow* row) {
+        bool follows = row->channel[k] != value;
+        for (std::size_t c = 0; c < 6; ++c)
+            follows =
+                follows || std::max(row->wrench_S[c] - max[c], min[c] - row->wrench_S[c]) > kFollows * (max[c] - min[c]);
+        return follows;
+    });
 }
 
 void check_channel(const Labelled& labelled, const Rows& rows, std::size_t k, std::vector<std::string>& warnings) {
@@ -90,7 +102,7 @@ void check_channel(const Labelled& labelled, const Rows& rows, std::size_t k, st
         const auto next = at_top ? std::prev(end) : std::next(end);
         const auto other = at_top ? count.begin() : std::prev(count.end());
         const double gap = std::abs(end->first - next->first), width = std::abs(other->first - next->first);
-        if (end->second >= 2 && gap > width) {
+        if (end->second >= 2 && gap > width && !labels_follow(rows, k, end->first)) {
             const Rows there = rows_at(end->first);
             throw Undetermined(fmt::format(
                 "{}:{}: channel {} is {:.5g} there and in {} other rows, elsewhere {:.5g} to {:.5g}: a mark for a missing "
@@ -131,53 +143,6 @@ void check_zeros(const Rows& rows, std::vector<std::string>& warnings) {
         "all labels are exactly 0 in {} rows (first: line {}) in which {} of {} channels move as under load: leave a "
         "label empty where there was no reading",
         zero.size(), zero.front()->line, moving, n));
-}
-
-struct Data {
-    Eigen::MatrixXd x;
-    Eigen::VectorXd y;
-};
-
-Data data_of(const Rows& rows, std::size_t c) {
-    Rows known;
-    for (const auto* row : rows)
-        if (std::isfinite(row->wrench_S[c])) known.push_back(row);
-    const auto n = Eigen::Index(rows.front()->channel.size());
-    Data data{Eigen::MatrixXd(Eigen::Index(known.size()), n), Eigen::VectorXd(Eigen::Index(known.size()))};
-    for (std::size_t i = 0; i < known.size(); ++i) {
-        data.x.row(Eigen::Index(i)) = Eigen::Map<const Eigen::RowVectorXd>(known[i]->channel.data(), n);
-        data.y[Eigen::Index(i)] = known[i]->wrench_S[c];
-    }
-    return data;
-}
-
-// A session whose labels are in another unit than those of the session before, or have another sign: the straight line
-// of one session predicts the other but for this factor.
-void check_units(const Labelled& labelled, const Rows& rows) {
-    std::vector<Rows> of_session(labelled.sessions.size());
-    for (const auto* row : rows)
-        if (row->session < of_session.size()) of_session[row->session].push_back(row);
-    for (std::size_t s = 1; s < of_session.size(); ++s)
-        for (std::size_t c = 0; c < 6; ++c) {
-            if (of_session[s - 1].size() < kFewRows || of_session[s].size() < kFewRows) continue;
-            const Data before = data_of(of_session[s - 1], c), here = data_of(of_session[s], c);
-            if (before.x.rows() < 3 * (before.x.cols() + 1) || here.x.rows() < Eigen::Index(kFewRows)) continue;
-            const Affine affine = affine_fit(before.x, before.y);
-            if (!affine.slope.dependent.empty()) continue;
-            const Eigen::VectorXd says = here.x * affine.slope.coefficient;
-            const Eigen::ArrayXd a = says.array() - says.mean(), b = here.y.array() - here.y.mean();
-            const double factor = (a * b).sum() / a.square().sum();
-            const double correlation = (a * b).sum() / std::sqrt(a.square().sum() * b.square().sum());
-            if (!(std::abs(correlation) > kCorrelated)) continue;
-            for (const Unit& unit : kUnits)
-                for (const double ratio : {factor, 1 / factor})
-                    if (std::abs(ratio / unit.factor - 1) < kNearUnit)
-                        throw Undetermined(
-                            fmt::format("{} of session \"{}\" (from {}:{} on) is {:.3g} times that of session \"{}\" for "
-                                        "the same readings: {}",
-                                        label_column(c), labelled.sessions[s], labelled.name, of_session[s].front()->line,
-                                        factor, labelled.sessions[s - 1], unit.remark));
-        }
 }
 
 // Labels that are late, or early, by some rows: a straight line through the channels of other rows fits them far better.
@@ -264,7 +229,7 @@ void check_recording(const Labelled& labelled, const Rows& rows, std::vector<std
     if (rows.size() < kFewRows) return;
     for (std::size_t k = 0; k < labelled.channels.size(); ++k) check_channel(labelled, rows, k, warnings);
     check_zeros(rows, warnings);
-    check_units(labelled, rows);
+    check_sessions(labelled, rows, warnings);
     check_lag(rows, warnings);
     check_times(rows, warnings);
     check_unloading(rows, warnings);

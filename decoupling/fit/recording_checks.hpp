@@ -9,7 +9,11 @@ namespace tactiled {
 
 // Warns of a channel that counts rows, of one that is cut off at its end, of labels that are 0 under load, of labels
 // that are late, of times in milliseconds, and of a recording without unloading.
-// setup: throws Undetermined where a channel has a mark for missing values, or sessions have labels in other units
+// setup: throws Undetermined where a channel has a mark for missing values, and where check_sessions does
 void check_recording(const Labelled& labelled, const Rows& rows, std::vector<std::string>& warnings);
+
+// Compares the labels of each session with those of the others for the same readings. Warns of sessions that contradict
+// each other in part. setup: throws Undetermined where they do on the whole, or have labels in other units
+void check_sessions(const Labelled& labelled, const Rows& rows, std::vector<std::string>& warnings);
 
 }  // namespace tactiled

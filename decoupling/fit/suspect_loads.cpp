@@ -11,7 +11,6 @@
 namespace tactiled {
 namespace {
 
-constexpr double kOfFullScale = 0.01;  // a label with a smaller error is not a relevant mistake
 // A load is suspected beyond the median magnitude of the errors times (their 90 % quantile over their median)^kTail:
 // 5.2 standard deviations of normal errors, 10 of errors with the tails of Student's distribution of three degrees.
 // It is left out beyond kSurely times that: keeping a wrong row does less harm than losing a good one.
@@ -227,7 +226,8 @@ void estimate_loads(const Calibration& calibration, std::vector<Load>& loads) {
     }
 }
 
-Found suspects_of(const std::vector<Load>& loads, const std::vector<std::size_t>& components, const Wrench& full_scale) {
+Found suspects_of(const std::vector<Load>& loads, const std::vector<std::size_t>& components, const Wrench& full_scale,
+                  const Wrench& relevant) {
     Found found{.suspected = std::vector<bool>(loads.size()),
                 .stays = std::vector<bool>(loads.size()),
                 .component = std::vector<std::size_t>(loads.size(), components.front())};
@@ -244,8 +244,7 @@ Found suspects_of(const std::vector<Load>& loads, const std::vector<std::size_t>
     const double of_greatest = limit_of(greatest), of_all = limit_of(together);
     for (std::size_t l = 0; l < loads.size(); ++l) {
         bool matters = false;
-        for (const std::size_t c : components)
-            matters = matters || std::abs(loads[l].error[c]) > kOfFullScale * full_scale[c];
+        for (const std::size_t c : components) matters = matters || std::abs(loads[l].error[c]) > relevant[c];
         found.suspected[l] = matters && (greatest[l] > of_greatest || together[l] > of_all);
         found.stays[l] = std::max(greatest[l] / of_greatest, together[l] / of_all) < kSurely;
     }
@@ -281,7 +280,7 @@ Found suspects_of(const std::vector<Load>& loads, const std::vector<std::size_t>
             }
     for (std::size_t l = 0; l < loads.size(); ++l)
         for (const std::size_t c : components)
-            if (found.suspected[l] && std::abs(loads[l].error[c]) > kOfFullScale * full_scale[c] &&
+            if (found.suspected[l] && std::abs(loads[l].error[c]) > relevant[c] &&
                 at_the_end(loads[l].label[c], loads[l].estimate[c], min[c], max[c], full_scale[c]))
                 found.stays[l] = true;
     return found;

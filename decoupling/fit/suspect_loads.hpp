@@ -28,8 +28,10 @@ struct Found {
     std::size_t bent = 0;                // number of loads with a large error that the loads around share
 };
 
-// Finds suspected loads. `components`: at least one of a wrench; `full_scale`: of their labels. setup
-Found suspects_of(const std::vector<Load>& loads, const std::vector<std::size_t>& components, const Wrench& full_scale);
+// Finds suspected loads. `components`: at least one of a wrench; `full_scale`: of their labels;
+// `relevant`: smaller errors of a label are no mistake. setup
+Found suspects_of(const std::vector<Load>& loads, const std::vector<std::size_t>& components, const Wrench& full_scale,
+                  const Wrench& relevant);
 
 // Returns the median of the values, or the quantile at a share of 0 .. 1; NaN for no values. setup
 double median(std::vector<double> values);

@@ -18,6 +18,46 @@ double mean_part(const Wrench& error, const FitReport& report) {
     return sum / double(report.components.size());
 }
 
+// A tare takes the zero of a mounting off the force, not off the channels: where the method is not straight, the load is
+// another one then. Widens the errors and the standard deviations by that.
+void include_tares(const Rows& rows, const SessionZeros& zeros, Trial& trial) {
+    Calibration& calibration = trial.calibration;
+    const std::size_t n = calibration.channels.size();
+    if (!zeros.own || calibration.zero.size() != n) return;
+    const auto decoupler = make_decoupler(calibration);
+    const auto force = [&](const std::vector<double>& channel, const std::vector<double>& offset) {
+        std::vector<double> reading(n);
+        for (std::size_t k = 0; k < n; ++k) reading[k] = channel[k] + offset[k];
+        return decoupler->decouple({.channel = reading}).wrench_S;
+    };
+    const std::vector<double> none(n);
+    const Wrench at_zero = force(calibration.zero, none);
+    Wrench squares{};
+    for (const auto* row : rows) {
+        const std::vector<double>& offset = zeros.offset[row->session];
+        const Wrench tared = force(row->channel, offset), rest = force(calibration.zero, offset),
+                     plain = force(row->channel, none);
+        for (std::size_t c = 0; c < 6; ++c)
+            squares[c] += std::pow(tared[c] - rest[c] - plain[c] + at_zero[c], 2) / double(rows.size());
+    }
+    std::string wider;
+    for (std::size_t i = 0; i < calibration.sd.size(); ++i) {
+        const std::size_t c = component_index(calibration.components[i]);
+        double& rms = trial.validation.rms[c];
+        if (!(squares[c] > 0) || !(rms > 0)) continue;
+        const double times = std::sqrt(1 + squares[c] / (rms * rms));
+        if (times > 1.4) wider += fmt::format("{}{} {:.2g}", wider.empty() ? "" : ", ", calibration.components[i], times);
+        rms *= times;
+        for (auto* sd : {&calibration.sd, &calibration.sd_slope, &calibration.sd_load, &calibration.sd_unloading})
+            if (!sd->empty()) (*sd)[i] *= times;
+    }
+    if (!wider.empty())
+        trial.warnings.push_back(fmt::format(
+            "method {} is not straight, so that a tare does not take the zeros of the sessions off entirely: its "
+            "errors are greater by these factors: {}; method matrix has none of this",
+            calibration.method, wider));
+}
+
 }  // namespace
 
 Calibration start_of(const FitEntry& method, const FitRequest& request, const FitReport& report) {
@@ -63,6 +103,7 @@ void validate(const Labelled& labelled, const Rows& rows, const ZeroDrift& drift
         if (!calibration.sd_load.empty()) calibration.sd_load[i] *= own[c] / trial.validation.rms[c];
         if (!calibration.sd_unloading.empty()) calibration.sd_unloading[i] *= own[c] / trial.validation.rms[c];
     }
+    include_tares(rows, report.zeros, trial);
     for (const auto& component : report.components)
         trial.about.held_out_rms.push_back(trial.validation.rms[component_index(component.name)]);
     const auto known = [](double rms) { return std::isfinite(rms); };

@@ -13,6 +13,11 @@ Eigen::MatrixXd solve_by_ldlt(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b
     return a.selfadjointView<Eigen::Lower>().ldlt().solve(b);
 }
 
+Eigen::MatrixXd solve_by_llt(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+    const Eigen::LLT<Eigen::MatrixXd> llt(a);
+    return llt.info() == Eigen::Success ? Eigen::MatrixXd(llt.solve(b)) : solve_by_ldlt(a, b);
+}
+
 Eigen::MatrixXd triangle_of(const Eigen::MatrixXd& a) {
     const Eigen::HouseholderQR<Eigen::MatrixXd> qr(a);
     const Eigen::Index n = std::min(a.rows(), a.cols());

@@ -7,6 +7,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "config/calibration.hpp"
@@ -25,6 +26,7 @@ struct Settings {
     std::string calibration, method, in = "-", out = "-";
     double budget_us = 10;  // for method auto
     double delay_ms = 0;
+    double tare_s = 0;
     double saturates_below = -std::numeric_limits<double>::infinity();
     double saturates_above = std::numeric_limits<double>::infinity();
 };
@@ -46,6 +48,35 @@ std::vector<std::size_t> channel_columns(const CsvReader& csv, const Calibration
     return columns;
 }
 
+// Subtracts the mean force of the first rows, as a tare does; keeps these rows until it is known.
+class Tare {
+public:
+    Tare(double duration_s, ForcesWriter& forces) : duration_s_(duration_s), forces_(forces) {}
+
+    void write(double t_s, Estimate estimate) {
+        if (!until_s_) until_s_ = t_s + duration_s_;
+        if (!ended_ && t_s >= *until_s_) end();
+        if (!ended_) return waiting_.emplace_back(t_s, estimate), void();
+        for (std::size_t c = 0; c < zero_S_.size(); ++c) estimate.wrench_S[c] -= zero_S_[c];
+        forces_.write(t_s, estimate, quality_text(estimate.quality, estimate.reasons));
+    }
+
+    void end() {
+        ended_ = true;
+        for (std::size_t c = 0; c < zero_S_.size(); ++c)
+            for (const auto& [t_s, estimate] : waiting_) zero_S_[c] += estimate.wrench_S[c] / double(waiting_.size());
+        for (const auto& [t_s, estimate] : std::exchange(waiting_, {})) write(t_s, estimate);
+    }
+
+private:
+    double duration_s_;
+    ForcesWriter& forces_;
+    std::optional<double> until_s_;
+    std::vector<std::pair<double, Estimate>> waiting_;
+    Wrench zero_S_{};
+    bool ended_ = false;
+};
+
 int decouple(const Settings& settings) {
     Problems problems;
     const Calibration calibration = load_calibration(settings.calibration, problems);
@@ -60,7 +91,13 @@ int decouple(const Settings& settings) {
     std::error_code none;
     if (settings.in != "-" && settings.out != "-" && std::filesystem::equivalent(settings.in, settings.out, none))
         throw SetupError(settings.out + ": is the input too; it would be overwritten before it is read");
+    if (settings.tare_s == 0 && calibration.validation.ends_with("each with its own zero"))
+        fmt::print(stderr,
+                   "warning: {} holds after a tare, because each of its sessions had its own zero: begin the file without "
+                   "a load, and use --tare-s\n",
+                   settings.calibration);
     ForcesWriter forces(settings.out);
+    Tare tare(settings.tare_s, forces);
     std::vector<double> channel(columns.size());
     std::optional<double> origin_s;  // subtracted from the times for the models, which must not be negative
     while (csv.next()) {
@@ -81,8 +118,9 @@ int decouple(const Settings& settings) {
                 reading.saturated |= 1u << k;
         }
         const Estimate estimate = decoupler->decouple(reading);
-        forces.write(t_s, estimate, quality_text(estimate.quality, estimate.reasons));
+        tare.write(t_s, estimate);
     }
+    tare.end();
     forces.close();
     return kGood;
 }
@@ -104,6 +142,9 @@ void add_decouple(CLI::App& app, Run& run) {
                      "each other")
         ->check(CLI::NonNegativeNumber)
         ->capture_default_str();
+    verb->add_option("--tare-s", settings->tare_s,
+                     "the mean force of so many seconds at the beginning, without a load, is subtracted")
+        ->check(CLI::NonNegativeNumber);
     verb->add_option("--saturates-below", settings->saturates_below,
                      "a channel at or below is saturated (unit of the calibration)");
     verb->add_option("--saturates-above", settings->saturates_above,

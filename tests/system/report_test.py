@@ -92,6 +92,25 @@ class Report(unittest.TestCase):
         self.assertEqual(done.returncode, 2, done.stderr)
         self.assertIn("now.csv:2: column t_s", done.stderr)
 
+    def test_a_file_is_tared_on_demand(self):
+        (self.folder / "raw.csv").write_text("t_s,B1\n" + "".join(f"{0.1 * i:.1f},{5 + i % 2 + (-20 if i > 9 else 0)}\n" for i in range(20)))
+        text = 'format = 1\nmodel = "generic"\nchannels = ["B1"]\nzero = [0]\ncomponents = ["fz"]\nmatrix = [[1]]\n'
+
+        def decouple(*words):
+            done = subprocess.run([BIN / "tactilectl", "decouple", "--calibration", self.folder / "one.toml", "--in",
+                                   self.folder / "raw.csv", *words], capture_output=True, text=True)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            return [float(line.split(",")[3]) for line in done.stdout.splitlines()[1:]], done.stderr
+        (self.folder / "one.toml").write_text(text)
+        raw, said = decouple()
+        self.assertEqual((raw[:2], raw[-1], said), ([5, 6], -14, ""))
+        tared, _ = decouple("--tare-s", "1")
+        self.assertEqual([force - 5.5 for force in raw], tared)
+        self.assertEqual(decouple("--tare-s", "9")[0], [force - sum(raw) / 20 for force in raw])
+        (self.folder / "one.toml").write_text(text + 'validation = "leave one session out (2 sessions), each with its own zero"\n')
+        self.assertIn("use --tare-s", decouple()[1])
+        self.assertEqual(decouple("--tare-s", "1")[1], "")
+
     def test_a_report_in_a_missing_folder_is_refused_before_the_fit(self):
         done = self.calibrate(LABELLED, self.folder / "nowhere" / "skin.html")
         self.assertEqual(done.returncode, 2, done.stderr)

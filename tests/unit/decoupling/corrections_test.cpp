@@ -42,14 +42,17 @@ Labelled ramps(unsigned seed, std::size_t channels, double bend) {
 }
 
 TEST(Corrections, OfAStraightSensorAreNoWorseThanTheMatrix) {
+    std::size_t kept = 0;
     for (unsigned seed = 1; seed <= 5; ++seed) {
         const Labelled labelled = ramps(seed, 6, 0);
         const double matrix = percent_of_full_scale(fit(labelled, by("matrix")));
         const FitReport quadratic = fit(labelled, by("quadratic")), rbf = fit(labelled, by("rbf"));
         EXPECT_LT(percent_of_full_scale(quadratic), 1.1 * matrix) << seed;
-        EXPECT_LT(percent_of_full_scale(rbf), 1.5 * matrix) << seed;
+        EXPECT_LT(percent_of_full_scale(rbf), 1.1 * matrix) << seed;
         EXPECT_TRUE(warns(quadratic, "method quadratic keeps method matrix for")) << seed;
+        kept += warns(rbf, "method rbf keeps method matrix for") ? 1 : 0;
     }
+    EXPECT_GE(kept, 3u);
 }
 
 TEST(Corrections, OfABentSensorLowerTheError) {
@@ -58,6 +61,20 @@ TEST(Corrections, OfABentSensorLowerTheError) {
         const double matrix = percent_of_full_scale(fit(labelled, by("matrix")));
         EXPECT_LT(percent_of_full_scale(fit(labelled, by("quadratic"))), 0.5 * matrix) << seed;
     }
+}
+
+TEST(Corrections, OfOneComponentLeaveTheOthersAlone) {
+    Labelled labelled = ramps(1, 3, 0);
+    for (auto& row : labelled.rows) {
+        const double noise = row.channel[0], fx = row.wrench_S[0], fz = row.wrench_S[2];
+        const double bent = fz + 0.05 * fz * fz;
+        row.channel = {fx, bent, 0.5 * (fx + bent)};
+        for (int k = 0; k < 3; ++k) row.channel[std::size_t(k)] += 1e-3 * std::sin(1e5 * noise + k);
+        row.wrench_S[1] = kNaN;
+    }
+    const FitReport matrix = fit(labelled, by("matrix")), quadratic = fit(labelled, by("quadratic"));
+    EXPECT_TRUE(warns(quadratic, "method quadratic keeps method matrix for fx:"));
+    EXPECT_LT(quadratic.components[1].held_out_rms, 0.4 * matrix.components[1].held_out_rms);
 }
 
 // A component with few labels is fitted to the rows that have it.

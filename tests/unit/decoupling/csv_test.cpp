@@ -80,6 +80,9 @@ TEST(Csv, NamesLineAndColumnOfWhatIsWrong) {
     EXPECT_NE(complaint("0,1\n1,2\n").find("the first line names the columns"), std::string::npos);
     EXPECT_NE(complaint("t_s,R1,R1\n").find("\"R1\" is there twice"), std::string::npos);
     EXPECT_NE(complaint("t_s,,R1\n").find("column 2 has no name"), std::string::npos);
+    EXPECT_NE(complaint(",t_s,R1\n0,0,1\n").find("is it a row number? Delete it"), std::string::npos);
+    EXPECT_NE(labelled_complaint("Unnamed: 0,t_s,R1,fz_N\n0,0,1,2\n").find("a row number is no reading"), std::string::npos);
+    EXPECT_NE(labelled_complaint("t_s,R1,reference_N,fz_N\n0,0,1,2\n").find("would predict itself"), std::string::npos);
     EXPECT_NE(complaint("").find("is empty"), std::string::npos);
     EXPECT_NE(complaint("t_s,R1\n0,\"1,5\"\n").find("decimals are written with '.'"), std::string::npos);
     EXPECT_NE(complaint("t_s,R1\n0,1.5 mV\n").find("the unit is in the column's name"), std::string::npos);

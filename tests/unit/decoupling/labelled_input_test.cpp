@@ -81,6 +81,33 @@ TEST(Input, LabelsInAnotherUnitOrWithAnotherSignAreRefusedWithTheirSession) {
     }
 }
 
+// Standardised readings beside raw ones, another gain; another zero is neither of these.
+TEST(Input, SessionsThatContradictEachOtherAreNamed) {
+    Labelled labelled = walk(400);
+    labelled.sessions = {"a", "b"};
+    for (std::size_t i = 200; i < 400; ++i) labelled.rows[i].session = 1;
+    const auto changed = [&](auto change) {
+        Labelled other = labelled;
+        for (std::size_t i = 200; i < 400; ++i) change(other.rows[i].channel);
+        return other;
+    };
+    const Labelled scaled = changed([](auto& channel) {
+        for (double& x : channel) x = 500 * x + 20;
+    });
+    for (const char* text : {"of session \"b\" (from waves.csv:202 on) contradicts that of session \"a\"",
+                             "Calibrate sessions that agree: --session a"})
+        EXPECT_NE(refusal(scaled, by("matrix")).find(text), std::string::npos) << refusal(scaled, by("matrix"));
+    const Labelled twice = changed([](auto& channel) {
+        for (double& x : channel) x *= 2;
+    });
+    EXPECT_TRUE(warns(fit(twice, by("matrix")), "contradicts that of session"));
+    const Labelled moved = changed([](auto& channel) {
+        for (double& x : channel) x += 3;
+    });
+    for (const Labelled& other : {labelled, moved})
+        EXPECT_FALSE(warns(fit(other, by("matrix")), "contradicts that of session"));
+}
+
 TEST(Input, LateLabelsAreNamedWithTheirDelay) {
     const Labelled labelled = walk(400);
     EXPECT_FALSE(warns(fit(labelled, by("matrix")), "fits the channels of"));
@@ -139,6 +166,17 @@ TEST(Input, MarksForMissingLabelsAreRefused) {
     EXPECT_NE(refusal(nines, by("matrix")).find("-999 there and in 0 other rows"), std::string::npos);
     mistyped.rows[40].wrench_S[2] = -12;  // is -1.2: named, not refused
     EXPECT_EQ(refusal(mistyped, by("matrix")), "");
+    Labelled far = labelled;  // the channels follow: a weight that is far above the others
+    for (const std::size_t i : {40u, 90u}) {
+        far.rows[i].wrench_S[2] = -99;
+        far.rows[i].channel = {labelled.rows[i].channel[0], -98, 98};  // the same for both, as from a converter of few bits
+    }
+    EXPECT_EQ(refusal(far, by("matrix")), "");
+    far.rows[90].channel = labelled.rows[90].channel;
+    EXPECT_NE(refusal(far, by("matrix")).find("-99 there and in 1 other rows"), std::string::npos);
+    Labelled both = labelled;
+    for (const std::size_t i : {40u, 90u}) both.rows[i].wrench_S[2] = both.rows[i].channel[1] = -999;
+    EXPECT_NE(refusal(both, by("matrix")).find("fz_N is -999 there"), std::string::npos);
     for (std::size_t i = 0; i < 400; ++i) {  // weights of 0.1, 1 and 10 N, the last one twice
         const double fz = i == 100 || i == 200 ? -10 : i % 2 == 0 ? -1 : -0.1;
         decades.rows[i].wrench_S[2] = fz;
@@ -172,7 +210,8 @@ TEST(Input, OneMistypedPullDoesNotHideThatAllArePresses) {
 TEST(Input, FewRowsAreRefusedBeforeTheirLabelsAreJudged) {
     Labelled two = waves(2, 3e-3, 1, false);
     for (auto& row : two.rows) row.wrench_S[0] = 0;
-    EXPECT_EQ(refusal(two, by("matrix")), "2 rows with a label; at least 3 a coefficient are needed, 12 for 3 channels");
+    EXPECT_EQ(refusal(two, by("matrix")),
+              "2 rows with a label; at least 3 a coefficient are needed, 12 for 3 channels: record more");
 }
 
 }  // namespace

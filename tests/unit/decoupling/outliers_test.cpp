@@ -145,6 +145,42 @@ TEST(Outliers, RowsInTheTailAreNamedAndKept) {
     EXPECT_GT(named, 10u);
 }
 
+// Labels off by 11 sd are within what a tail could reach, but the fit without them is better on rows left out.
+TEST(Outliers, LabelsThatDistortTheFitAreLeftOut) {
+    std::size_t out = 0;
+    for (unsigned seed = 1; seed <= 10; ++seed) {
+        Labelled labelled = Cell(seed).recording(1, 4, 0, 1e-2);
+        for (const std::size_t i : {14u, 47u, 72u, 101u, 113u}) labelled.rows[i].wrench_S[0] += 5.5;  // N, 0 before
+        out += lines_of(fit(labelled, by("matrix")), true).size();
+    }
+    EXPECT_GE(out, 25u);  // the others of 50 are named
+}
+
+// Labels off by 18 sd: no tail of good rows reaches so far, whether or not the fit without them is better.
+TEST(Outliers, LabelsThatAreFarOffAreLeftOut) {
+    std::size_t out = 0;
+    for (unsigned seed = 1; seed <= 10; ++seed) {
+        Labelled labelled = Cell(seed).recording(1, 4, 0, 1e-2);
+        for (const std::size_t i : {14u, 72u, 113u}) labelled.rows[i].wrench_S[0] += i == 72 ? -9 : 9;  // N, 0 before
+        out += lines_of(fit(labelled, by("matrix")), true).size();
+    }
+    EXPECT_GE(out, 29u);  // one of 30 is off by little more than the tail
+}
+
+// The labels of a scale that shows steps of 2 % of full scale are off by half a step at most.
+TEST(Outliers, RoundedLabelsAreNoMistakes) {
+    Labelled labelled = waves(1000, 3e-3, 1, false);
+    for (std::size_t i = 0; i < 1000; ++i) {
+        LabelledRow& row = labelled.rows[i];
+        const double press = std::max(0.0, std::sin(double(i) / 7)), fx = 0.3 * press * std::sin(1e3 * double(i)),
+                     fz = -press;
+        const double noise = 0.2 * (row.channel[0] - row.wrench_S[0]);
+        row.channel = {fx + 0.1 * fz + noise, fz + 0.05 * fx - noise, 0.5 * fx - fz};
+        row.wrench_S[0] = 0.02 * std::round(fx / 0.02), row.wrench_S[2] = 0.02 * std::round(fz / 0.02);
+    }
+    EXPECT_TRUE(fit(labelled, by("matrix")).suspects.empty());
+}
+
 // A mistyped load that is kept, because it is at the end of the range, does not hide another one.
 TEST(Outliers, AKeptLoadDoesNotHideOthers) {
     for (const double greatest : {70.0, 82.0, 90.0}) {

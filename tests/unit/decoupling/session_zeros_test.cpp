@@ -29,6 +29,46 @@ TEST(SessionZeros, AreFoundWhereEachPlacementHasItsOwn) {
     }
 }
 
+// A tare takes the zero off the force: where a bent sensor is read from another zero, the load is another one then, and
+// the standard deviation contains that.
+TEST(SessionZeros, AreInTheStandardDeviationOfAMethodThatIsNotStraight) {
+    std::mt19937_64 random(3);
+    std::normal_distribution<double> normal(0, 1);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    Labelled labelled;
+    labelled.name = "bent.csv";
+    labelled.channels = {"A", "B"};
+    labelled.sessions = {"a", "b", "c"};
+    const double zero[3][2] = {{0, 0}, {0.4, -0.3}, {-0.4, 0.3}};
+    for (int i = 0; i < 900; ++i) {
+        const std::size_t session = std::size_t(i) / 300;
+        const double fx = i % 20 == 0 ? 0 : uniform(random), fz = i % 20 == 0 ? 0 : uniform(random);
+        const auto bent = [](double x) { return x + 0.1 * x * x; };
+        labelled.rows.push_back({.line = i + 2,
+                                 .channel = {zero[session][0] + bent(fx) + 1e-3 * normal(random),
+                                             zero[session][1] + bent(fz) + 1e-3 * normal(random)},
+                                 .wrench_S = {fx, kNaN, fz, kNaN, kNaN, kNaN},
+                                 .session = session});
+    }
+    FitRequest request = by("quadratic");
+    request.zeros = FitRequest::Zeros::per_session;
+    const Calibration calibration = fit(labelled, request).calibration;
+    EXPECT_TRUE(warns(fit(labelled, request), "a tare does not take the zeros of the sessions off entirely"));
+    request.method = "matrix";
+    EXPECT_FALSE(warns(fit(labelled, request), "a tare does not take"));
+    const auto decoupler = make_decoupler(calibration);
+    for (std::size_t session = 0; session < 3; ++session) {
+        const Wrench rest = decoupler->decouple({.channel = zero[session]}).wrench_S;
+        std::size_t beyond = 0;
+        for (std::size_t i = 300 * session; i < 300 * (session + 1); ++i) {
+            const LabelledRow& row = labelled.rows[i];
+            const Estimate estimate = decoupler->decouple({.channel = row.channel});
+            beyond += std::abs(estimate.wrench_S[0] - rest[0] - row.wrench_S[0]) > 3 * estimate.sd[0] ? 1 : 0;
+        }
+        EXPECT_LT(beyond, 9u) << session;
+    }
+}
+
 // A mistyped load must not move the zero of its session, and the zero must not hide it.
 TEST(SessionZeros, StandMistypedLoads) {
     Labelled labelled = Cell(11).recording(3, 2, 0.03, 3e-4);
