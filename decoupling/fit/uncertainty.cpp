@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <span>
 #include <utility>
 #include <vector>
@@ -79,6 +80,13 @@ double scale_for(std::span<Ratio> ratios) {
     return needed;
 }
 
+// Returns the smallest s that holds for all of them, and for the first `loaded` by themselves: a recording that rests most
+// of the time would otherwise state the errors at rest. Reorders them.
+double scale_for_all_and(std::size_t loaded, std::span<Ratio> ratios) {
+    const double of_loaded = scale_for(ratios.first(loaded));
+    return std::max(of_loaded, scale_for(ratios));
+}
+
 // Returns the smallest s that holds for each quarter of them, from the smallest to the largest standard deviation: a shape
 // that is too small for light loads is no gain. Reorders them.
 double scale_for_quarters(std::span<Ratio> ratios) {
@@ -94,6 +102,11 @@ double scale_for_quarters(std::span<Ratio> ratios) {
     double needed = 0;
     for (std::size_t i = 0; i < 4; ++i) needed = std::max(needed, scale_for(ratios.subspan(ends[i], ends[i + 1] - ends[i])));
     return needed;
+}
+
+double scale_for_quarters_and(std::size_t loaded, std::span<Ratio> ratios) {
+    const double of_loaded = scale_for_quarters(ratios.first(loaded));
+    return std::max(of_loaded, scale_for_quarters(ratios));
 }
 
 // Returns the root mean square of the errors of the group in which it is largest, in units of their shape.
@@ -152,17 +165,26 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
     };
     clear();
     const auto distance = below_peak(validation.rows, calibration);
+    const auto states_sd = [&](std::size_t k) { return validation.has_sd.empty() || validation.has_sd[k]; };
+    const auto is_loaded = [&](std::size_t k) { return load_of(rows[k].row->wrench_S, calibration) >= LoadPeak::kRest; };
+    std::vector<std::size_t> order(rows.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_partition(order.begin(), order.end(), is_loaded);
     for (std::size_t i = 0; i < calibration.components.size(); ++i) {
         const std::size_t c = component_index(calibration.components[i]);
         const double full_scale = calibration.full_scale[i];
         // The standard deviation holds with the zero of the calibration, and after a tare.
+        // Loaded rows come first.
         std::vector<Error> errors, tared;
-        for (std::size_t k = 0; k < rows.size(); ++k)
-            if (const double error = rows[k].estimated_S[c] - rows[k].row->wrench_S[c]; std::isfinite(error)) {
+        std::size_t loaded = 0;
+        for (const std::size_t k : order)
+            if (const double error = rows[k].estimated_S[c] - rows[k].row->wrench_S[c];
+                std::isfinite(error) && states_sd(k)) {
                 errors.push_back({std::pow(rows[k].estimated_S[c] / full_scale, 2),
                                   std::pow(load_of(rows[k].estimated_S, calibration), 2),
                                   std::pow(distance.at(validation.rows[k].row), 2), std::abs(error), validation.group[k]});
                 tared.push_back(errors.back());
+                loaded += is_loaded(k) ? 1 : 0;
                 const auto at_rest = validation.at_rest.find(rows[k].row->session);
                 if (at_rest != validation.at_rest.end() && std::isfinite(at_rest->second[c]) && validation.drifted.empty())
                     tared.back().size = std::abs(error - at_rest->second[c]);
@@ -185,11 +207,17 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
                 double log_size = 0;
                 for (const Ratio& each : ratios) log_size += std::log(each.size) / double(errors.size());
                 const double largest = needed_gain * min / std::exp(log_size);  // s of a better shape is below this
-                double needed = std::max(scale_for(ratios), scale_for(ratios_tared));
+                double needed = std::max(scale_for_all_and(loaded, ratios), scale_for_all_and(loaded, ratios_tared));
                 if (validation.by_sessions)
                     needed = std::max({needed, worst_group(errors, other), worst_group(tared, other)});
-                if (needed < largest && (load > 0 || unloading > 0))
-                    needed = std::max({needed, scale_for_quarters(ratios), scale_for_quarters(ratios_tared)});
+                // A slope alone is too small where the component is 0 under a load of the others.
+                const bool depends_on_others = slope > 0 && calibration.components.size() > 1;
+                if (needed < largest && (depends_on_others || load > 0 || unloading > 0)) {
+                    // Anew: loaded rows first.
+                    ratios = ratios_of(errors, other), ratios_tared = ratios_of(tared, other);
+                    needed = std::max(
+                        {needed, scale_for_quarters_and(loaded, ratios), scale_for_quarters_and(loaded, ratios_tared)});
+                }
                 if (!(needed < largest)) continue;
                 min = needed * std::exp(log_size);
                 best = other;

@@ -36,9 +36,12 @@ Wrench rms_of(const std::vector<HeldOut>& rows) {
     return rms;
 }
 
+bool states_sd(const Estimate& estimate) { return (estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) == 0; }
+
 // Estimates the rows. `seen_too`: rows that the loop reads as well, all of them in the order of the file; a session
 // begins without a past.
-std::vector<HeldOut> estimates(const Calibration& calibration, const Rows& rows, const std::vector<LabelledRow>& seen_too) {
+std::vector<HeldOut> estimates(const Calibration& calibration, const Rows& rows, const std::vector<LabelledRow>& seen_too,
+                               std::vector<bool>& has_sd) {
     std::map<std::size_t, std::unique_ptr<Decoupler>> of_session;
     std::vector<HeldOut> result;
     for (const LabelledRow& row : seen_too) {
@@ -46,17 +49,27 @@ std::vector<HeldOut> estimates(const Calibration& calibration, const Rows& rows,
         auto& decoupler = of_session[row.session];
         if (decoupler == nullptr) decoupler = make_decoupler(calibration);
         const Estimate estimate = decoupler->decouple({.channel = row.channel, .t_ns = row.t_ns});
-        if (&row == rows[result.size()]) result.push_back({&row, estimate.wrench_S});
+        if (&row != rows[result.size()]) continue;
+        result.push_back({&row, estimate.wrench_S});
+        has_sd.push_back(states_sd(estimate));
+    }
+    return result;
+}
+
+std::vector<HeldOut> estimates(const Calibration& calibration, const Rows& rows, std::vector<bool>& has_sd) {
+    const auto decoupler = make_decoupler(calibration);
+    std::vector<HeldOut> result;
+    for (const auto* row : rows) {
+        const Estimate estimate = decoupler->decouple({.channel = row->channel, .t_ns = row->t_ns});
+        result.push_back({row, estimate.wrench_S});
+        has_sd.push_back(states_sd(estimate));
     }
     return result;
 }
 
 std::vector<HeldOut> estimates(const Calibration& calibration, const Rows& rows) {
-    const auto decoupler = make_decoupler(calibration);
-    std::vector<HeldOut> result;
-    for (const auto* row : rows)
-        result.push_back({row, decoupler->decouple({.channel = row->channel, .t_ns = row->t_ns}).wrench_S});
-    return result;
+    std::vector<bool> ignored;
+    return estimates(calibration, rows, ignored);
 }
 
 // Returns copies of the rows with random zeros of the channels. The copies of a row are consecutive, because they are
@@ -93,6 +106,7 @@ std::vector<HeldOut> estimates_with_random_zeros(const Calibration& calibration,
 // The result of leaving one group out.
 struct Part {
     std::vector<HeldOut> rows, drifted, of_part;
+    std::vector<bool> has_sd;  // of each of `rows`
     std::string refused;
 };
 
@@ -117,7 +131,10 @@ Part hold_out_group(const Labelled& labelled, const Rows& rows, const Groups& gr
     try {
         set_domain(seen, calibration);
         fit_with_drift(method, seen, drift.sd, calibration, of_this_part);
-        part.rows = method.remembers ? estimates(calibration, unseen, labelled.rows) : estimates(calibration, unseen);
+        // Any number: it shows for which readings the method itself states none.
+        calibration.sd.assign(calibration.components.size(), 1);
+        part.rows = method.remembers ? estimates(calibration, unseen, labelled.rows, part.has_sd)
+                                     : estimates(calibration, unseen, part.has_sd);
         if (drift.stated && !drift.sd.empty() && !method.remembers)
             part.drifted = estimates_with_random_zeros(calibration, unseen, drift.sd, group);
         if (!method.adds_to.empty()) {
@@ -223,6 +240,7 @@ Validation hold_out(const Labelled& labelled, const Rows& rows, const FitEntry& 
             const Part& part = parts[group];
             validation.rows.insert(validation.rows.end(), part.rows.begin(), part.rows.end());
             validation.group.resize(validation.rows.size(), group);
+            validation.has_sd.insert(validation.has_sd.end(), part.has_sd.begin(), part.has_sd.end());
             validation.drifted.insert(validation.drifted.end(), part.drifted.begin(), part.drifted.end());
             of_part.insert(of_part.end(), part.of_part.begin(), part.of_part.end());
         }

@@ -32,6 +32,7 @@ struct Validation {
     std::string how;                 // "leave one session out (2 sessions)"; "" = not possible
     std::vector<HeldOut> rows;       // each once
     std::vector<std::size_t> group;  // group of each of `rows`
+    std::vector<bool> has_sd;        // false: the method states no standard deviation for such a reading
     bool by_sessions = false;        // each group is a session
     // The mean error at rest of the fit of all rows, of a session, which a tare subtracts; empty = unknown.
     std::map<std::size_t, Wrench> at_rest;
@@ -51,8 +52,9 @@ Validation hold_out(const Labelled& labelled, const Rows& rows, const FitEntry& 
 // Sets sd and sd_slope of each component from its held-out errors: the largest of their 68.27 % quantile, their 95 %
 // quantile over 1.96 and, from 200 rows on, their 99 % quantile over 2.58; at least the root mean square of the worst
 // session; times Student's factor for few loads. All of these also hold after a tare, which subtracts `at_rest`
-// (without a stated drift of the zeros). Sets none if a component has fewer than eight held-out rows.
-// `takes_unloading`: sets sd_unloading, too, if it makes the others 5 % smaller.
+// (without a stated drift of the zeros), and for the rows under load alone. Rows without `has_sd` do not count. Sets none if
+// a component has fewer than eight held-out rows. `takes_unloading`: sets sd_unloading, too, if it makes the others 5 %
+// smaller.
 void set_uncertainty(const Validation& validation, Calibration& calibration, bool takes_unloading);
 
 std::array<std::array<double, 6>, 6> crosstalk(const std::vector<HeldOut>& rows, const Calibration& calibration);

@@ -21,6 +21,8 @@ constexpr std::uint64_t kDoubt_ns = 4'000'000'000;
 // Part of the swing of the force by which they may differ: the gain of the film is known to 5 % (fit/piezo_fit.cpp), and the
 // window of Cn to a frame.
 constexpr double kOfSwing = 0.1;
+// Part of a difference that is none of these, in the standard deviation.
+constexpr double kOfDifference = 0.5;
 
 class Piezo final : public CheckedModel {
 public:
@@ -87,9 +89,10 @@ private:
         } else if (input.t_ns - doubtful_since_ns_ > kDoubt_ns) {
             doubt_N_ = 0;
         }
-        if (doubt_N_ == 0) return;
-        estimate.reasons |= TACTILED_DISAGREEMENT;
-        input.sd_factor[2] = std::sqrt(1 + doubt_N_ / sd * (doubt_N_ / sd));
+        // A smaller difference is in the standard deviation: one of the two readings is off by at least half of it.
+        const double part = (doubt_N_ > 0 ? doubt_N_ : kOfDifference * difference_N) / sd;
+        input.sd_factor[2] = std::sqrt(1 + part * part);
+        if (doubt_N_ > 0) estimate.reasons |= TACTILED_DISAGREEMENT;
     }
 
     double fused_drive(const Input& input, double V, double slow) noexcept {

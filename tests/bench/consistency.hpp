@@ -5,14 +5,17 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "decoupling/fit/fit.hpp"
 #include "decoupling/latency.hpp"
 #include "decoupling/solve/domain.hpp"
+#include "decoupling/unloading.hpp"
 #include "node/lab/tradeoff.hpp"
 
 namespace tactiled {
@@ -30,7 +33,10 @@ struct Shares {
     // The largest ratio of a component's median sd with that of latency to that without: of the loop, and of an oracle that
     // adds the true change of the load over the delay.
     double latency = 0, latency_of_oracle = 0;
-    std::size_t flagged_inside = 0;        // outside-domain, although each component of the load is within its full scale
+    std::size_t flagged_inside = 0;  // outside-domain, although each component of the load is within its full scale
+    // The first reason that is true: the load moved while the channels were measured; a channel is beyond its calibrated
+    // range; an estimate is beyond its full scale; none of these.
+    std::array<std::size_t, 4> inside_by{};
     std::size_t undetected_by_oracle = 0;  // like `undetected`, by the oracle's sd
     double sharpness_without = 0;          // sharpness_together without the part of latency
     std::map<std::uint32_t, std::size_t> reasons;
@@ -41,11 +47,18 @@ struct Errors {
     double squares = 0;
 };
 
+// A component of a GOOD sample.
+struct Traced {
+    std::uint64_t t_ns;
+    float error, sd, late;   // late: the part of latency in sd
+    float load, below_peak;  // the estimate less the tare: relative to full scale, and below its peak since the last rest
+};
+
 class Course {
 public:
     // `delay_s`: of each channel of `rows`.
     Course(const Candidate& candidate, const Labelled& rows, const std::vector<double>& delay_s)
-        : candidate_(candidate), decoupler_(candidate.make()) {
+        : candidate_(candidate), domain_(candidate.calibration), decoupler_(candidate.make()) {
         const std::vector<double> delays_s = ctl::delays_of(candidate, rows, delay_s);
         decoupler_->set_delay(delays_s);
         latency_.set_delay(delay_s_ = delay_of_components_s(*decoupler_, delays_s));
@@ -76,12 +89,18 @@ public:
             // The first sample of a scene is at 1 s of the clock (node/lab/tradeoff_rows.cpp).
             if (const double t_s = double(readings[i].t_ns) * 1e-9 - 1;
                 t_s >= from_s && t_s <= to_s && (only.empty() || only[i]))
-                take(e, rows, i);
+                take(e, readings[i], rows, i);
         }
         is_tared_ = true;
     }
     // The next rows are those of another mounting, which is tared, too.
     void mount_again() { is_tared_ = false; }
+    // Keeps the GOOD samples, by the number of the component. Before the first row.
+    void trace() { is_traced_ = true; }
+    [[nodiscard]] std::array<std::vector<Traced>, 6>& traced() { return traced_; }
+    // The variances of the GOOD samples in squares of full scales: constant, with the component, with the load, of the loop
+    // besides (unloading, the method's own), latency.
+    [[nodiscard]] const std::array<double, 5>& terms() const { return terms_; }
     // They are not tared.
     void keep_zero() { is_tared_ = true; }
     Shares shares() {
@@ -137,11 +156,34 @@ private:
             if (std::abs(load_S[component_index(calibration.components[i])]) > calibration.full_scale[i]) return false;
         return true;
     }
-    void take(const Estimate& e, const Labelled& rows, std::size_t i) {
+    [[nodiscard]] std::size_t reason_inside(const Estimate& e, const Reading& reading, const Labelled& rows,
+                                            std::size_t i) const {
+        const Calibration& calibration = candidate_.calibration;
+        bool is_beyond = false;
+        for (std::size_t k = 0; k < calibration.components.size(); ++k) {
+            const std::size_t c = component_index(calibration.components[k]);
+            const auto [min, max] = lately(rows, i, c);
+            if (min != max) return 0;
+            is_beyond = is_beyond || std::abs(e.wrench_S[c]) > (1 + kDomainMargin) * calibration.full_scale[k];
+        }
+        for (std::size_t k = 0; k < reading.channel.size(); ++k)
+            if (domain_.is_beyond(k, reading.channel[k])) return 1;
+        return is_beyond ? 2 : 3;
+    }
+    void take(const Estimate& e, const Reading& reading, const Labelled& rows, std::size_t i) {
         const LabelledRow& row = rows.rows[i];
+        if (is_traced_ && e.quality != TACTILED_BAD) {
+            Wrench tared = e.wrench_S;
+            for (std::size_t c = 0; c < 6; ++c) tared[c] -= zero_[c];
+            load_ = load_of(tared, candidate_.calibration);
+            below_peak_ = peak_.next(load_, row.t_ns);
+        }
         ++shares_.samples;
         ++shares_.reasons[e.quality == TACTILED_GOOD ? 0 : e.reasons];
-        shares_.flagged_inside += (e.reasons & TACTILED_OUTSIDE_DOMAIN) != 0 && is_calibrated(row.wrench_S);
+        if ((e.reasons & TACTILED_OUTSIDE_DOMAIN) != 0 && is_calibrated(row.wrench_S)) {
+            ++shares_.flagged_inside;
+            ++shares_.inside_by[reason_inside(e, reading, rows, i)];
+        }
         if (e.quality != TACTILED_GOOD) return;
         ++shares_.good;
         bool undetected = false, wrong = false, undetected_by_oracle = false;
@@ -165,6 +207,11 @@ private:
             errors_[c].without_latency.push_back(float(before_[c]));
             errors_[c].of_oracle.push_back(float(oracle));
             errors_[c].error.push_back(float(error));
+            add_terms(e, c);
+            if (is_traced_)
+                traced_[c].push_back({row.t_ns, float(error), float(e.sd[c]),
+                                      float(std::sqrt(std::max(0.0, e.sd[c] * e.sd[c] - before_[c] * before_[c]))),
+                                      float(load_), float(below_peak_)});
             errors_[c].squares += error * error;
         }
         shares_.undetected += undetected;
@@ -172,13 +219,35 @@ private:
         shares_.undetected_by_oracle += undetected_by_oracle;
     }
 
+    void add_terms(const Estimate& e, std::size_t c) {
+        const Calibration& calibration = candidate_.calibration;
+        const auto i =
+            std::size_t(std::find(calibration.components.begin(), calibration.components.end(), kComponentNames[c]) -
+                        calibration.components.begin());
+        if (i >= calibration.sd.size() || i >= calibration.full_scale.size()) return;
+        const double of_full_scale = 1 / (calibration.full_scale[i] * calibration.full_scale[i]);
+        const double constant = calibration.sd[i] * calibration.sd[i];
+        const double slope = calibration.sd_slope.empty() ? 0 : calibration.sd_slope[i] * e.wrench_S[c];
+        const double load = calibration.sd_load.empty() ? 0 : calibration.sd_load[i] * load_of(e.wrench_S, calibration);
+        const double parts[] = {constant, slope * slope, load * load,
+                                before_[c] * before_[c] - constant - slope * slope - load * load,
+                                e.sd[c] * e.sd[c] - before_[c] * before_[c]};
+        for (std::size_t k = 0; k < terms_.size(); ++k) terms_[k] += of_full_scale * std::max(0.0, parts[k]);
+    }
+
     const Candidate& candidate_;
+    Domain domain_;
     std::unique_ptr<Decoupler> decoupler_;
     Latency latency_;
     Wrench delay_s_{};
     Wrench zero_{}, before_{};
     bool is_tared_ = false;
     std::array<Errors, 6> errors_;
+    std::array<double, 5> terms_{};
+    bool is_traced_ = false;
+    LoadPeak peak_ = LoadPeak::rested();
+    double load_ = 0, below_peak_ = 0;
+    std::array<std::vector<Traced>, 6> traced_;
     Shares shares_;
 };
 
@@ -193,6 +262,38 @@ void print_shares(const std::string& first, const Shares& shares);
 // consistency_scenes.cpp: each [[expect]] of the scenes in `folder`, or of the one named, with its calibration and method.
 // setup: throws SetupError
 void judge_scenes(const std::string& folder, const std::string& name);
+
+inline constexpr std::size_t kMaxCalibrationRows = 40'000;
+struct Expectation {
+    std::string sensor, calibration, method;
+    double from_s, to_s;
+    std::size_t max_rows = kMaxCalibrationRows;
+};
+// consistency_scenes.cpp: the scenes in `folder` whose name matches, the expectations of a scene's forces, and a calibration
+// scene as rows and request.
+// setup: throws SetupError
+std::vector<std::filesystem::path> scenes_in(const std::string& folder, const std::string& pattern);
+std::vector<Expectation> expectations_of(const std::filesystem::path& path);
+struct CalibrationOfScene {
+    ctl::CalibrationScene scene;
+    FitRequest request;
+};
+CalibrationOfScene calibration_of_scene(const std::filesystem::path& path, const std::string& method);
+// The calibrations of `tactilectl tradeoff`, and the scenes in which it judges them.
+struct Contested {
+    const char *calibration, *scenes;
+    std::vector<const char*> methods;
+};
+const std::vector<Contested>& contested();
+inline constexpr std::size_t kRowsOfContest = 600;  // node/lab/tradeoff_plan.cpp
+
+// consistency_parts.cpp: the scenes with an [[expect]] on COUNT sensors, each calibrated by itself, from serial and seed
+// `first` on. setup: throws SetupError
+void judge_parts(const std::string& folder, std::uint64_t first, std::uint64_t count, const std::string& name);
+
+// consistency_lost.cpp: the GOOD samples that the checks cost in undamaged scenes, with seeds from `first` on.
+// setup: throws SetupError
+void judge_lost(const std::string& folder, std::uint64_t first, std::uint64_t count, const std::string& name);
 
 // consistency_damage.cpp: each damage of the channels of a recording. setup: throws SetupError
 void judge_damage(const std::string& fit_file, const std::string& judge_file, const std::string& methods);

@@ -13,6 +13,11 @@
 //   calibration's,
 //                                                  and with each of these held away; calibrations of 1 to 5 sessions. The
 //                                                  environment's USE="as in use" chooses one of them
+//   consistency_bench parts FIRST COUNT [SCENE]    the scenes on COUNT sensors, each calibrated by itself: terms of the
+//   variance,
+//                                                  and sharpness beside that of oracles that know the errors in use
+//                                                  (calibrated in use with rests if the environment has RESTS)
+//   consistency_bench lost FIRST COUNT [SCENE]     the undamaged scenes: GOOD samples that each check costs
 //   consistency_bench damage FIT.csv JUDGE.csv     a recording: one channel after the other damaged while the rows of JUDGE
 //                                                  run; GOOD, and GOOD and off by more than 10 % of full scale, or by 5 sd;
 //                                                  in some component; with parity if the environment has PARITY; ns of
@@ -85,13 +90,14 @@ void damaged(const std::string& folder, const std::vector<Contest>& contests, st
 
 int main(int argc, char** argv) {
     const std::string what = argc > 1 ? argv[1] : "";
-    const int numbers = what == "damaged" || what == "damage"                       ? 2
-                        : what == "alarms"                                          ? 1
-                        : what == "coverage" || what == "costs" || what == "scenes" ? 0
-                                                                                    : -1;
+    const int numbers = what == "damaged" || what == "damage" || what == "parts" || what == "lost" ? 2
+                        : what == "alarms"                                                         ? 1
+                        : what == "coverage" || what == "costs" || what == "scenes"                ? 0
+                                                                                                   : -1;
     if (numbers < 0 || argc < 2 + numbers) {
         fmt::print(stderr,
                    "usage: consistency_bench coverage|costs|scenes|damaged FIRST COUNT|alarms HOURS [MODEL]\n"
+                   "       consistency_bench parts|lost FIRST COUNT [SCENE]\n"
                    "       consistency_bench damage FIT.csv JUDGE.csv [METHODS]\n");
         return 2;
     }
@@ -99,6 +105,14 @@ int main(int argc, char** argv) {
         const std::string folder = scenes_folder(), model = argc > 2 + numbers ? argv[2 + numbers] : "";
         if (what == "damage") {
             judge_damage(argv[2], argv[3], model);
+            return 0;
+        }
+        if (what == "parts") {
+            judge_parts(folder, std::strtoull(argv[2], nullptr, 10), std::strtoull(argv[3], nullptr, 10), model);
+            return 0;
+        }
+        if (what == "lost") {
+            judge_lost(folder, std::strtoull(argv[2], nullptr, 10), std::strtoull(argv[3], nullptr, 10), model);
             return 0;
         }
         if (what == "scenes") {

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <random>
 
 #include "consistency.hpp"
@@ -127,10 +128,12 @@ std::vector<ctl::Candidate> calibrated_in(std::size_t sessions, const Scenes& sc
     constexpr std::size_t kRows = 600;
     Labelled all;
     std::map<std::string, double> known;
+    std::string influence;
     for (std::size_t s = 0; s < sessions; ++s) {
         const ctl::CalibrationScene scene = scenes.with({.name = "", .mounted_anew = true}, 100 + s);
         const Labelled rows = ctl::calibration_rows(scene, kRows);
         known = scene.known;
+        if (!scene.influence.empty()) influence = scene.influence;
         if (s == 0) all = {.name = rows.name, .channels = rows.channels, .sessions = {}, .rows = {}};
         all.sessions.push_back(fmt::format("{}", s + 1));
         for (LabelledRow row : rows.rows) {
@@ -145,6 +148,7 @@ std::vector<ctl::Candidate> calibrated_in(std::size_t sessions, const Scenes& sc
         if (find_fit(candidate.model, candidate.method) == nullptr || candidate.name != candidate.method) continue;
         FitRequest request{.model = candidate.model, .method = candidate.method, .serial = "", .date = ""};
         request.parameters = known;
+        if (!influence.empty()) put_fit_option("influence", influence, request);
         try {
             candidate.calibration = fit(all, request).calibration;
         } catch (const Undetermined& why) {
@@ -161,17 +165,20 @@ std::vector<ctl::Candidate> calibrated_in(std::size_t sessions, const Scenes& sc
 
 void judge_ensemble(const std::string& folder, const std::vector<ctl::Contest>& contests, double hours) {
     for (const ctl::Contest& contest : contests) {
-        const std::string name = "tradeoff_" + contest.model + "_calibrate";
-        if (!fs::exists(folder + "/" + name + ".toml")) continue;
-        const Scenes scenes(folder, name);
+        if (!fs::exists(folder + "/tradeoff_" + contest.model + "_calibrate.toml")) continue;
         print_titles("method, use");
+        // The loads and places of a method are those of its own calibration.
+        std::map<std::string, std::vector<ctl::Candidate>> of_scene;
+        for (const ctl::Candidate& candidate : contest.candidates) of_scene[candidate.calibration.path].push_back(candidate);
         const char* const only = std::getenv("USE");
-        for (const Use& use : kUses)
-            if (only == nullptr || std::string(only) == use.name)
-                judge(scenes, use, contest.model, contest.candidates, hours);
-        if (only != nullptr) continue;
-        for (const std::size_t sessions : {1, 2, 3, 5})
-            judge(scenes, kUses[1], contest.model, calibrated_in(sessions, scenes, contest.candidates), hours);
+        for (const auto& [name, candidates] : of_scene) {
+            const Scenes scenes(folder, name);
+            for (const Use& use : kUses)
+                if (only == nullptr || std::string(only) == use.name) judge(scenes, use, contest.model, candidates, hours);
+            if (only != nullptr) continue;
+            for (const std::size_t sessions : {1, 2, 3, 5})
+                judge(scenes, kUses[1], contest.model, calibrated_in(sessions, scenes, candidates), hours);
+        }
     }
 }
 

@@ -15,12 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMaxCalibrationRows = 40'000;
-
-struct Expectation {
-    std::string sensor, calibration, method;
-    double from_s, to_s;
-};
+}  // namespace
 
 std::vector<Expectation> expectations_of(const fs::path& path) {
     Problems problems;
@@ -34,6 +29,18 @@ std::vector<Expectation> expectations_of(const fs::path& path) {
     return result;
 }
 
+CalibrationOfScene calibration_of_scene(const fs::path& path, const std::string& method) {
+    CalibrationOfScene made{ctl::read_calibration_scene(path.string()),
+                            {.model = "", .method = method, .serial = "", .date = ""}};
+    made.request.model = made.scene.model;
+    if (made.request.model.empty()) made.request.model = ctl::name_of(made.scene.scene.sensors.front().model);
+    made.request.parameters = made.scene.known;
+    if (!made.scene.influence.empty()) put_fit_option("influence", made.scene.influence, made.request);
+    return made;
+}
+
+namespace {
+
 Calibration calibrated(const fs::path& beside, const std::string& name, const std::string& method) {
     if (!name.starts_with("scene:")) {
         Problems problems;
@@ -41,12 +48,8 @@ Calibration calibrated(const fs::path& beside, const std::string& name, const st
         problems.throw_if_any();
         return calibration;
     }
-    const ctl::CalibrationScene scene = ctl::read_calibration_scene((beside / name.substr(6)).string());
-    FitRequest request{.model = scene.model, .method = method, .serial = "", .date = ""};
-    if (request.model.empty()) request.model = ctl::name_of(scene.scene.sensors.front().model);
-    request.parameters = scene.known;
-    if (!scene.influence.empty()) put_fit_option("influence", scene.influence, request);
-    return fit(ctl::calibration_rows(scene, kMaxCalibrationRows), request).calibration;
+    const CalibrationOfScene made = calibration_of_scene(beside / name.substr(6), method);
+    return fit(ctl::calibration_rows(made.scene, kMaxCalibrationRows), made.request).calibration;
 }
 
 }  // namespace
@@ -64,17 +67,39 @@ void print_shares(const std::string& first, const Shares& s) {
                s.latency, s.latency_of_oracle, percent(s.undetected_by_oracle, s.good), s.samples);
     for (const auto& [reasons, n] : s.reasons)
         if (reasons != 0) fmt::print(" 0x{:x}:{:.1f}%", reasons, percent(n, s.samples));
-    if (s.flagged_inside > 0) fmt::print(" outside-domain inside full scale: {:.3f}%", percent(s.flagged_inside, s.samples));
+    if (s.flagged_inside > 0) {
+        fmt::print(" outside-domain inside full scale: {:.3f}% (by motion, channel, estimate, none of these:",
+                   percent(s.flagged_inside, s.samples));
+        for (const std::size_t n : s.inside_by) fmt::print(" {:.3f}", percent(n, s.samples));
+        fmt::print(")");
+    }
     fmt::print("\n");
     std::fflush(stdout);
 }
 
-void judge_scenes(const std::string& folder, const std::string& name) {
+std::vector<fs::path> scenes_in(const std::string& folder, const std::string& pattern) {
     std::vector<fs::path> scenes;
     for (const auto& entry : fs::directory_iterator(folder))
-        if (entry.path().extension() == ".toml" && (name.empty() || entry.path().stem() == name))
+        if (entry.path().extension() == ".toml" &&
+            (pattern.empty() || ::fnmatch(pattern.c_str(), entry.path().stem().c_str(), 0) == 0))
             scenes.push_back(entry.path());
     std::sort(scenes.begin(), scenes.end());
+    return scenes;
+}
+
+const std::vector<Contested>& contested() {
+    static const std::vector<Contested> all{
+        {"tradeoff_table_calibrate", "tradeoff_table", {"linear", "matrix", "nonlinear"}},
+        {"tradeoff_table_calibrate_place", "tradeoff_table", {"matrix", "map"}},
+        {"tradeoff_hair_calibrate", "tradeoff_hair", {"sum_diff", "matrix", "physics"}},
+        {"tradeoff_capacitive_calibrate", "tradeoff_capacitive", {"quadratic", "ratio", "overlap"}},
+        {"tradeoff_generic_calibrate", "tradeoff_capacitive", {"matrix", "quadratic", "rbf"}},
+    };
+    return all;
+}
+
+void judge_scenes(const std::string& folder, const std::string& name) {
+    const std::vector<fs::path> scenes = scenes_in(folder, name);
     std::map<std::string, Calibration> made;
     print_titles("scene, calibration, method");
     for (const fs::path& path : scenes)

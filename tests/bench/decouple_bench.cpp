@@ -20,10 +20,12 @@
 #include <optional>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/labelled.hpp"
+#include "decoupling/latency.hpp"
 #include "tactiled/reader.hpp"
 
 extern "C" void* __libc_malloc(std::size_t);
@@ -41,12 +43,14 @@ using namespace tactiled;
 using Forward = std::function<std::vector<double>(const Wrench&)>;
 
 constexpr std::size_t kReadings = 1024, kPerBlock = 16;
+constexpr double kDelay_s = 0.01;
 
 struct Case {
     std::string name;
     std::unique_ptr<Decoupler> decoupler;
     std::vector<std::vector<double>> readings;
-    std::vector<double> ns;  // a sample, a block each
+    std::vector<double> ns;               // a sample, a block each
+    std::optional<Latency> latency = {};  // the daemon has one
 };
 
 // fx fy fz of a moving finger within a second. `wanders`: its point moves, too; else there are no moments.
@@ -128,7 +132,7 @@ Case piezo() {  // the thesis' curves
     return result;
 }
 
-enum class Checks { none, joint_domain, all };
+enum class Checks { none, joint_domain, latency, all };  // latency: and the joint domain
 
 Case fitted(const std::string& model, const std::string& method, const Labelled& rows, const Forward& forward,
             Checks checks = Checks::all) {
@@ -141,6 +145,11 @@ Case fitted(const std::string& model, const std::string& method, const Labelled&
     if (checks == Checks::none) calibration.joint_domain = {};
     if (checks != Checks::all) calibration.parity = {};
     result.decoupler = make_decoupler(calibration, method);
+    if (checks == Checks::latency) {
+        Wrench delay_s;
+        delay_s.fill(kDelay_s);
+        result.latency.emplace().set_delay(delay_s);
+    }
     // Methods that model one contact point cannot follow a moving one: its readings would be doubtful, which is not
     // the usual case.
     const bool one_contact = method == "linear" || method == "nonlinear";
@@ -195,17 +204,20 @@ std::vector<Case> all_cases(const std::string& only, std::size_t skin_n, std::ve
         if (wanted(std::string(model) + "/" + method)) cases.push_back(fitted(model, method, rows, forward));
     };
     for (const char* method : {"matrix", "quadratic", "rbf", "mlp"}) add("generic", method, skin_rows, skin);
-    // The methods of 15 and of 8 channels without the checks around them: the differences are the costs of the checks.
+    // Methods of 15, 8 and 4 channels without the checks around them: the differences are the costs of the checks.
     const auto part = [&](const char* name, const char* model, const char* method, const Labelled& rows,
                           const Forward& forward, Checks checks) {
         if (!wanted(name)) return;
         cases.push_back(fitted(model, method, rows, forward, checks));
         cases.back().name = name;
     };
-    part("alone/matrix", "generic", "matrix", skin_rows, skin, Checks::none);
-    part("joint/matrix", "generic", "matrix", skin_rows, skin, Checks::joint_domain);
-    part("alone/linear", "table", "linear", gauge_rows, gauges, Checks::none);
-    part("joint/linear", "table", "linear", gauge_rows, gauges, Checks::joint_domain);
+    constexpr std::pair<const char*, Checks> kParts[] = {
+        {"alone/", Checks::none}, {"joint/", Checks::joint_domain}, {"late/", Checks::latency}, {"all/", Checks::all}};
+    for (const auto& [name, checks] : kParts) {
+        part((name + std::string("matrix")).c_str(), "generic", "matrix", skin_rows, skin, checks);
+        part((name + std::string("linear")).c_str(), "table", "linear", gauge_rows, gauges, checks);
+        part((name + std::string("sum_diff")).c_str(), "hair", "sum_diff", hair_rows, hairs, checks);
+    }
     add("table", "linear", gauge_rows, gauges);
     add("table", "matrix", moment_rows, gauges);
     add("table", "nonlinear", gauge_rows, gauges);
@@ -219,7 +231,9 @@ std::vector<Case> all_cases(const std::string& only, std::size_t skin_n, std::ve
 std::uint64_t t_ns = 0;
 double sum = 0;  // keeps the optimiser from removing the loop
 void one(Case& c, std::size_t i) {
-    sum += c.decoupler->decouple({.channel = c.readings[i % kReadings], .t_ns = t_ns += 1'000'000}).wrench_S[2];
+    Estimate e = c.decoupler->decouple({.channel = c.readings[i % kReadings], .t_ns = t_ns += 1'000'000});
+    if (c.latency) c.latency->widen(e.wrench_S, t_ns, e.sd);
+    sum += e.wrench_S[2];
 }
 
 // A number above 0, else 0.

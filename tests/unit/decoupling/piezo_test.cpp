@@ -205,6 +205,24 @@ TEST(Piezo, AChannelThatSticksContradictsTheOther) {
     }
 }
 
+// A film that sticks before a step of four standard deviations: too small a difference to contradict Cn.
+TEST(Piezo, ASmallDifferenceOfTheChannelsIsInTheStandardDeviation) {
+    const Calibration calibration = piezo_calibration(1.0);
+    const auto decoupler = make_decoupler(calibration);
+    const double sd = calibration.sd.at(0), after = 1 + 4 * sd;
+    for (int i = 0; i < 2600; ++i) {
+        const double t = i * 1e-3;
+        const int windows = int(std::floor((t + 1e-9) / kWindow_s));
+        Estimate estimate;
+        const double press =
+            press_of(*decoupler, t, 0.0768, centre_pF(windows * kWindow_s <= 2.0 + 1e-9 ? 1 : after), &estimate);
+        if (t < 1) continue;
+        EXPECT_EQ(estimate.quality, TACTILED_GOOD) << t;
+        if (t < 2) EXPECT_NEAR(estimate.sd[2], sd, 0.1 * sd) << t;
+        if (t > 2.11) EXPECT_LT(std::abs(press - after), 2.1 * estimate.sd[2]) << t;
+    }
+}
+
 TEST(Piezo, FramesMayComeUnevenly) {
     const auto decoupler = make_decoupler(linear_calibration(1.0));
     const double w = 2 * kPi * 3.3, tau = 1;

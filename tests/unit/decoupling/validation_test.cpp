@@ -192,5 +192,60 @@ TEST(Uncertainty, HoldsForLightLoadsAlone) {
     EXPECT_GT(stated_sd(calibration, 0, {0, kNaN, -0.1, kNaN, kNaN, kNaN}), 0.3 / 2.6);  // 99 % within 2.6 sd
 }
 
+// A method that doubts a reading states no standard deviation for it, and its error there is not part of the others'.
+TEST(Uncertainty, ReadingsForWhichNoneIsStatedDoNotCount) {
+    std::mt19937_64 random(8);
+    std::normal_distribution<double> normal(0, 1);
+    std::vector<LabelledRow> rows;
+    std::vector<double> errors(2000);
+    for (std::size_t i = 0; i < errors.size(); ++i) errors[i] = i % 5 == 0 ? 20 : normal(random);
+    Validation validation = errors_of(errors, rows, 1);
+    EXPECT_GT(sd_found(validation, 5), 3);
+    for (std::size_t i = 0; i < errors.size(); ++i) validation.has_sd.push_back(i % 5 != 0);
+    EXPECT_NEAR(sd_found(validation, 5), 1, 0.06);
+}
+
+// Nineteen of twenty rows are at rest, where the error is small.
+TEST(Uncertainty, HoldsUnderLoadThoughMostRowsAreAtRest) {
+    std::mt19937_64 random(8);
+    std::normal_distribution<double> normal(0, 1);
+    std::vector<LabelledRow> rows;
+    std::vector<double> errors(4000);
+    for (std::size_t i = 0; i < errors.size(); ++i) errors[i] = (i % 20 == 0 ? 0.1 : 0.001) * normal(random);
+    Validation validation = errors_of(errors, rows, 1);
+    for (std::size_t i = 0; i < errors.size(); ++i) {
+        if (i % 20 != 0) rows[i].wrench_S[2] = 0;
+        validation.rows[i].estimated_S[2] = rows[i].wrench_S[2] + errors[i];
+    }
+    EXPECT_NEAR(sd_found(validation, 5), 0.1, 0.015);
+}
+
+// The error grows with the component, but is not 0 where the component is: there the others load the sensor.
+TEST(Uncertainty, HoldsWhereOnlyTheOthersLoad) {
+    std::mt19937_64 random(8);
+    std::normal_distribution<double> normal(0, 1);
+    std::uniform_real_distribution<double> uniform(0.5, 2);
+    Calibration calibration;
+    calibration.channels = {"A", "B"};
+    calibration.components = {"fx", "fz"};
+    calibration.full_scale = {2, 10};
+    std::vector<LabelledRow> rows;
+    rows.reserve(4000);
+    Validation validation;
+    for (int i = 0; i < 4000; ++i) {
+        const bool rests = i % 10 < 7, only_press = !rests && i % 40 == 7;
+        const double fx = rests || only_press ? 0 : uniform(random), fz = only_press ? -0.5 : rests ? 0 : -10;
+        rows.push_back(
+            {.line = i, .channel = {fx, fz}, .wrench_S = {fx, kNaN, fz, kNaN, kNaN, kNaN}, .session = 0, .t_ns = 0});
+        Wrench estimated = rows.back().wrench_S;
+        estimated[0] += (rests ? 0.0005 : only_press ? 0.05 : 0.1 * fx) * normal(random);
+        validation.rows.push_back({&rows.back(), estimated});
+        validation.group.push_back(0);
+    }
+    set_uncertainty(validation, calibration, false);
+    // The tails of the quarter of the loaded rows with the smallest sd, a third of which are these.
+    EXPECT_GT(stated_sd(calibration, 0, {0, kNaN, -0.5, kNaN, kNaN, kNaN}), 0.022);
+}
+
 }  // namespace
 }  // namespace tactiled
