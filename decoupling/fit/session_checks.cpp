@@ -125,12 +125,9 @@ void check_agreement(const Labelled& labelled, const std::vector<Rows>& of_sessi
             const std::string& name = labelled.sessions[of_first];
             const std::string text = fmt::format(
                 "{} of session \"{}\" (from {}:{} on) contradicts that of session \"{}\": a straight line errs by {:.2g} "
-                "and "
-                "{:.2g} % of full scale in each of them, but one for both by {:.2g} %, whatever their zeros. Are the "
-                "channels in "
-                "another unit, gain or order, or is the sensor mounted otherwise? {} extends over {:.3g} there and over "
-                "{:.3g} "
-                "in session \"{}\". Calibrate sessions that agree: --session {}",
+                "and {:.2g} % of full scale in each of them, but one for both by {:.2g} %, whatever their zeros. Are the "
+                "channels in another unit, gain or order, or is the sensor mounted otherwise? {} extends over {:.3g} there "
+                "and over {:.3g} in session \"{}\". Calibrate sessions that agree: --session {}",
                 label_column(c), labelled.sessions[s], labelled.name, of_session[s].front()->line, name,
                 100 * line->rms / full_scale[c], 100 * first->rms / full_scale[c], 100 * *rms / full_scale[c],
                 labelled.channels.front(), width(*line), width(*first), name, name);
