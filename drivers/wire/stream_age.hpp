@@ -53,7 +53,7 @@ public:
     // How long the link should stay closed when it is opened again: the frames that a path discards meanwhile must be seen
     // to be missing. rt: wait-free
     [[nodiscard]] std::uint64_t closed_ns() const noexcept {
-        return std::uint64_t(std::clamp(kMissingFrames * period_ns_, kMinClosed_ns, kMaxClosed_ns));
+        return std::uint64_t(std::clamp(kMissingFrames * interval_ns(), kMinClosed_ns, kMaxClosed_ns));
     }
     // Opening the link again may prove what is not proved now, or end a lag that lasts. rt: wait-free
     [[nodiscard]] bool asks_for_reopening(std::uint64_t host_ns) const noexcept {
@@ -103,13 +103,19 @@ private:
     void by_arrival(Frame& frame, std::uint64_t host_ns) noexcept;
     void by_cable(Frame& frame) noexcept;
     void backdate(Frame& frame, double late_ns) noexcept;
-    [[nodiscard]] double range_ns(const Frame& frame) const noexcept { return std::ldexp(period_ns_, frame.sequence_bits); }
-    void learn_rate(double advance, std::uint64_t host_ns) noexcept;
+    [[nodiscard]] double range_ns(const Frame& frame) const noexcept {
+        return std::ldexp(interval_ns(), frame.sequence_bits);
+    }
+    void learn_rate(std::uint64_t host_ns) noexcept;
     void begin_to_count() noexcept;
     [[nodiscard]] bool has_settled(double late, std::uint64_t host_ns) noexcept;
     [[nodiscard]] double frames_since(const Frame& frame, double silence_ns) const noexcept;
     [[nodiscard]] double advance_of(const Frame& frame, double silence_ns) const noexcept;
-    [[nodiscard]] double late_while_learning(double advance, double silence_ns, std::uint64_t host_ns) noexcept;
+    [[nodiscard]] double mean_ns() const noexcept;
+    // The interval of the frames, as far as it is known; 0: it is not.
+    [[nodiscard]] double interval_ns() const noexcept { return period_ns_ > 0 ? period_ns_ : mean_ns(); }
+    [[nodiscard]] double late_while_learning(const Frame& frame, double advance, double silence_ns,
+                                             std::uint64_t host_ns) noexcept;
     [[nodiscard]] double late_by_counter(const Frame& frame, double advance, double silence_ns,
                                          std::uint64_t host_ns) noexcept;
     [[nodiscard]] bool seems_restarted(const Frame& frame, double late_ns) const noexcept;
@@ -122,8 +128,9 @@ private:
     // The first frame after the opening has come later than ever before, by more than its device and jitter explain: the
     // path may have held it, and nothing that the opening discarded shows its age.
     [[nodiscard]] bool has_waited(std::uint64_t host_ns) const noexcept {
-        return is_reopened_ && opened_ns_ != 0 && period_ns_ > 0 &&
-               double(host_ns - opened_ns_) > wait_ns_ + std::max(3 * period_ns_, kLate_ns);
+        const double interval = has_clock_ ? interval_us_ * 1e3 : interval_ns();
+        return is_reopened_ && opened_ns_ != 0 && interval > 0 &&
+               double(host_ns - opened_ns_) > wait_ns_ + std::max(3 * interval, kLate_ns);
     }
     void put_trouble(bool is_trouble, std::uint64_t host_ns) noexcept {
         trouble_ns_ = !is_trouble ? 0 : trouble_ns_ == 0 ? host_ns : trouble_ns_;
@@ -147,11 +154,11 @@ private:
 
     // The counter as a clock.
     std::uint32_t sequence_ = 0;
-    double period_ns_ = 0;        // 0: not known yet
-    double max_period_ns_ = 0;    // > 0: the device has got faster than this since
-    double counted_ = 0;          // frames since the first one
-    std::uint64_t learn_ns_ = 0;  // host time of the first frame that period_ns_ is learnt from
-    double learn_frames_ = 0;
+    double period_ns_ = 0;      // 0: not known yet
+    double max_period_ns_ = 0;  // > 0: the device has got faster than this since
+    double counted_ = 0;        // frames since the first one
+    double learn_frames_ = 0;   // that period_ns_ is learnt from, and the host's time in which they came
+    double learned_ns_ = 0, mean_before_ns_ = 0;
     bool must_reopen_ = false;        // no number can prove the age until then
     double max_late_ns_ = 0;          // the largest lateness in this lag
     std::uint64_t max_late_at_ = 0;   // when it was so late, by a tenth
