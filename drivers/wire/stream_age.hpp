@@ -132,6 +132,9 @@ private:
         return is_reopened_ && opened_ns_ != 0 && interval > 0 &&
                double(host_ns - opened_ns_) > wait_ns_ + std::max(3 * interval, kLate_ns);
     }
+    // Until 50 ms after an opening that seemed to prove the age. If the frames come faster than the device sends them, the
+    // path had kept them: the age is not proved. rt: wait-free
+    [[nodiscard]] bool is_on_trial(double advance, std::uint64_t host_ns) noexcept;
     void put_trouble(bool is_trouble, std::uint64_t host_ns) noexcept {
         trouble_ns_ = !is_trouble ? 0 : trouble_ns_ == 0 ? host_ns : trouble_ns_;
     }
@@ -145,6 +148,8 @@ private:
     double late_ns_ = 0;                    // its lateness by the path
     std::uint64_t trouble_ns_ = 0;
     std::uint64_t opened_ns_ = 0;   // host time; 0: not known, or a frame has come since
+    std::uint64_t trial_ns_ = 0;    // host time of the first frame of an opening on trial; 0: none
+    double trial_frames_ = 0;       // since then
     double wait_ns_ = kMaxWait_ns;  // shortest time from an opening to its first frame
 
     bool is_resonator_ = false;         // bound_ allows for a clock like that of a ceramic resonator
@@ -179,6 +184,16 @@ inline void StreamAge::open(const Route& route, std::uint64_t opened_ns) noexcep
     is_reopened_ = has_frame_;
     trouble_ns_ = 0;
     opened_ns_ = opened_ns;
+}
+
+inline bool StreamAge::is_on_trial(double advance, std::uint64_t host_ns) noexcept {
+    if (is_reopened_) trial_ns_ = 0;
+    if (trial_ns_ == 0) return false;
+    const auto elapsed_ns = double(host_ns - trial_ns_);
+    trial_frames_ += advance;
+    if (trial_frames_ * interval_ns() - elapsed_ns > kLate_ns) is_unproved_ = must_reopen_ = true;
+    if (is_unproved_ || elapsed_ns > kMinSettle_ns) trial_ns_ = 0;
+    return trial_ns_ != 0;
 }
 
 inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {

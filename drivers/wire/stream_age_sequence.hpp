@@ -139,6 +139,7 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
     bool late_is_known = period_ns_ > 0;
     double late = late_is_known ? late_by_counter(frame, advance, silence_ns, host_ns)
                                 : late_while_learning(frame, advance, silence_ns, host_ns);
+    bool on_trial = is_on_trial(advance, host_ns);
     is_unproved_ = is_unproved_ || must_reopen_;
     if (late_is_known && !is_unproved_ && late > kLate_ns) {
         is_unproved_ = true;
@@ -162,10 +163,13 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         bound_.end_fall();
         late = 0;
         is_unproved_ = must_reopen_ = false;
-        known_ns_ = host_ns;
+        known_ns_ = trial_ns_ = host_ns;
+        trial_frames_ = 0;
+        on_trial = true;
     }
     late_ns_ = late;
-    frame.age = is_unproved_ || (late_is_known && bound_.is_falling()) ? Frame::Age::unproved : Frame::Age::proved;
+    const bool is_falling = late_is_known && bound_.is_falling();
+    frame.age = is_unproved_ || on_trial || is_falling ? Frame::Age::unproved : Frame::Age::proved;
     if (!is_unproved_) {
         punctual_ns_ = host_ns;
         backdate(frame, late);
