@@ -102,10 +102,12 @@ inline double StreamAge::late_while_learning(const Frame& frame, double advance,
         mean_before_ns_ = mean;
     }
     if (is_reopened_) {
-        if (advance == 0 && opened_ns_ != 0 && frame.sequence * mean < double(host_ns - opened_ns_) + kLate_ns)
-            return 0;  // it counts the frames of each connection
+        const bool counts_each_connection = route_.reopening_discards && advance == 0 && opened_ns_ != 0 &&
+                                            frame.sequence * mean < double(host_ns - opened_ns_) + kLate_ns;
         // The frames of the time for which the link was closed must be missing.
-        return silence_ns - advance * mean > kLate_ns + silence_ns / 8 ? silence_ns + kLate_ns : 0;
+        const bool is_kept = !counts_each_connection && silence_ns - advance * mean > kLate_ns + silence_ns / 8;
+        is_unproved_ = is_unproved_ || is_kept;
+        return is_kept ? silence_ns + kLate_ns : 0;
     }
     is_unproved_ = is_unproved_ || is_silence;
     // A silence is no interval, unless none is known yet.

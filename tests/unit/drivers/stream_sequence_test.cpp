@@ -70,6 +70,18 @@ TEST(StreamAge, AFirstFrameThatTookLongerThanEverProvesNothing) {
         }
 }
 
+// The driver was starved, and opened the link again on its own account. A lag began meanwhile.
+TEST(StreamAge, ALagThatBeganWhileTheLinkWasOpenedAgainIsSeenBeforeTheRateIsKnown) {
+    for (const Route& route : {network(), connection()}) {
+        Device device(route, false);
+        device.run(17);
+        device.open(route);
+        device.sequence += 310;
+        EXPECT_EQ(device.next(2000, 3110).age, Age::unproved);
+        for (int i = 0; i < 1000; ++i) ASSERT_EQ(device.next(2000).age, Age::unproved) << i;
+    }
+}
+
 // The relay was starved when the link was closed. It keeps the frames of that time, and passes them on at once.
 TEST(StreamAge, FramesThatComeAtOnceAfterAnOpeningWereKept) {
     for (const int known : {100, 1000}) {
