@@ -202,6 +202,9 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
     if (has_frame_) host_ns = std::max(host_ns, host_ns_);
     if (route_.path == Route::Path::polled) {
         proof_ = Proof::polled;
+        // The thread was starved, or the answer took longer: the value may be as old as the request.
+        if (frame.since_ns != 0 && double(frame.taken_ns) - double(frame.since_ns) > kLate_ns)
+            backdate(frame, double(frame.taken_ns - frame.since_ns));
         return;
     }
     // The last frame again, from a server that sends it to each client: it is not the first one of the new connection.

@@ -148,6 +148,20 @@ TEST(StreamAge, ARequestIsProofInItself) {
     EXPECT_EQ(device.age.proof(), StreamAge::Proof::polled);
 }
 
+// The answer lay there while the thread was starved, or came late: the value may be as old as the request.
+TEST(StreamAge, AnAnswerThatTookLongerThan50MsMayBeAsOldAsItsRequest) {
+    StreamAge age(100, 0.2, 100 * kMs);
+    age.open({.path = Path::polled});
+    for (const unsigned took_ms : {5u, 49u, 60u, 2000u}) {
+        Frame frame;
+        frame.t_ns = frame.taken_ns = 10 * kS;
+        frame.since_ns = frame.t_ns - took_ms * kMs;
+        age.judge(frame, frame.taken_ns);
+        EXPECT_EQ(frame.late_ns, took_ms > 50 ? took_ms * kMs : 0) << took_ms;
+        EXPECT_EQ(frame.t_ns, 10 * kS - frame.late_ns) << took_ms;
+    }
+}
+
 // The device and the link to it lose their power together.
 TEST(StreamAge, ALagThatBeginsWhileTheDeviceRestartsIsNotProvedUntilTheConnectionWasOpenedAgain) {
     for (const std::uint64_t uptime_s : {100u, 2500u})  // beyond half of its 32 bits, too
