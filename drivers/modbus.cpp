@@ -269,7 +269,8 @@ private:
         device.missed = 0;
         plan(device, 0);
         if (!read_registers(device.is.set, answers_.registers(), device.sequence, counts, frame)) return false;
-        frame.t_ns = last_byte_ns_;
+        frame.t_ns = frame.taken_ns = last_byte_ns_;
+        frame.since_ns = deadline_ns_ - timeout_ns_;  // the request, and the time that both messages need
         frame.device = device.is.device;
         ++counts[TACTILED_LINK_FRAMES];
         return true;

@@ -286,7 +286,7 @@ tactiled_sample Sensor::marker(std::uint64_t now_ns) noexcept {
 void Sensor::notice_suspension(std::uint64_t now_ns) noexcept {
     constexpr std::uint64_t kSuspended_ns = 5'000'000;
     // The clock of a suspended machine is read first: an interruption in between makes the difference smaller.
-    const std::uint64_t boot_ns = with_suspend_ns(), monotonic = tactiled::now_ns();
+    const std::uint64_t boot_ns = setup_.boot_ns(), monotonic = tactiled::now_ns();
     const std::uint64_t suspended_ns = boot_ns > monotonic ? boot_ns - monotonic : 0;
     if (suspended_ns > suspended_ns_ + kSuspended_ns && is_started_) stream_.suspended(now_ns);
     is_started_ = true;

@@ -60,6 +60,7 @@ public:
         std::unique_ptr<Decoupler> decoupler;
         AutoMethod* automatic = nullptr;                 // the decoupler, if it is method "auto"
         std::uint64_t (*clock_ns)() noexcept = &now_ns;  // clock for the methods of "auto"
+        std::uint64_t (*boot_ns)() noexcept = &with_suspend_ns;
     };
     explicit Sensor(Setup setup)
         : setup_(std::move(setup)),

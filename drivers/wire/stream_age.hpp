@@ -53,7 +53,7 @@ public:
     // How long the link should stay closed when it is opened again: the frames that a path discards meanwhile must be seen
     // to be missing. rt: wait-free
     [[nodiscard]] std::uint64_t closed_ns() const noexcept {
-        return std::uint64_t(std::clamp(kMissingFrames * period_ns_, kMinClosed_ns, kMaxClosed_ns));
+        return std::uint64_t(std::clamp(kMissingFrames * interval_ns(), kMinClosed_ns, kMaxClosed_ns));
     }
     // Opening the link again may prove what is not proved now, or end a lag that lasts. rt: wait-free
     [[nodiscard]] bool asks_for_reopening(std::uint64_t host_ns) const noexcept {
@@ -103,13 +103,19 @@ private:
     void by_arrival(Frame& frame, std::uint64_t host_ns) noexcept;
     void by_cable(Frame& frame) noexcept;
     void backdate(Frame& frame, double late_ns) noexcept;
-    [[nodiscard]] double range_ns(const Frame& frame) const noexcept { return std::ldexp(period_ns_, frame.sequence_bits); }
-    void learn_rate(double advance, std::uint64_t host_ns) noexcept;
+    [[nodiscard]] double range_ns(const Frame& frame) const noexcept {
+        return std::ldexp(interval_ns(), frame.sequence_bits);
+    }
+    void learn_rate(std::uint64_t host_ns) noexcept;
     void begin_to_count() noexcept;
     [[nodiscard]] bool has_settled(double late, std::uint64_t host_ns) noexcept;
     [[nodiscard]] double frames_since(const Frame& frame, double silence_ns) const noexcept;
     [[nodiscard]] double advance_of(const Frame& frame, double silence_ns) const noexcept;
-    [[nodiscard]] double late_while_learning(double advance, double silence_ns, std::uint64_t host_ns) noexcept;
+    [[nodiscard]] double mean_ns() const noexcept;
+    // The interval of the frames, as far as it is known; 0: it is not.
+    [[nodiscard]] double interval_ns() const noexcept { return period_ns_ > 0 ? period_ns_ : mean_ns(); }
+    [[nodiscard]] double late_while_learning(const Frame& frame, double advance, double silence_ns,
+                                             std::uint64_t host_ns) noexcept;
     [[nodiscard]] double late_by_counter(const Frame& frame, double advance, double silence_ns,
                                          std::uint64_t host_ns) noexcept;
     [[nodiscard]] bool seems_restarted(const Frame& frame, double late_ns) const noexcept;
@@ -122,9 +128,13 @@ private:
     // The first frame after the opening has come later than ever before, by more than its device and jitter explain: the
     // path may have held it, and nothing that the opening discarded shows its age.
     [[nodiscard]] bool has_waited(std::uint64_t host_ns) const noexcept {
-        return is_reopened_ && opened_ns_ != 0 && period_ns_ > 0 &&
-               double(host_ns - opened_ns_) > wait_ns_ + std::max(3 * period_ns_, kLate_ns);
+        const double interval = has_clock_ ? interval_us_ * 1e3 : interval_ns();
+        return is_reopened_ && opened_ns_ != 0 && interval > 0 &&
+               double(host_ns - opened_ns_) > wait_ns_ + std::max(3 * interval, kLate_ns);
     }
+    // Until 50 ms after an opening that seemed to prove the age. If the frames come faster than the device sends them, the
+    // path had kept them: the age is not proved. rt: wait-free
+    [[nodiscard]] bool is_on_trial(double advance, std::uint64_t host_ns) noexcept;
     void put_trouble(bool is_trouble, std::uint64_t host_ns) noexcept {
         trouble_ns_ = !is_trouble ? 0 : trouble_ns_ == 0 ? host_ns : trouble_ns_;
     }
@@ -138,6 +148,8 @@ private:
     double late_ns_ = 0;                    // its lateness by the path
     std::uint64_t trouble_ns_ = 0;
     std::uint64_t opened_ns_ = 0;   // host time; 0: not known, or a frame has come since
+    std::uint64_t trial_ns_ = 0;    // host time of the first frame of an opening on trial; 0: none
+    double trial_frames_ = 0;       // since then
     double wait_ns_ = kMaxWait_ns;  // shortest time from an opening to its first frame
 
     bool is_resonator_ = false;         // bound_ allows for a clock like that of a ceramic resonator
@@ -147,11 +159,11 @@ private:
 
     // The counter as a clock.
     std::uint32_t sequence_ = 0;
-    double period_ns_ = 0;        // 0: not known yet
-    double max_period_ns_ = 0;    // > 0: the device has got faster than this since
-    double counted_ = 0;          // frames since the first one
-    std::uint64_t learn_ns_ = 0;  // host time of the first frame that period_ns_ is learnt from
-    double learn_frames_ = 0;
+    double period_ns_ = 0;      // 0: not known yet
+    double max_period_ns_ = 0;  // > 0: the device has got faster than this since
+    double counted_ = 0;        // frames since the first one
+    double learn_frames_ = 0;   // that period_ns_ is learnt from, and the host's time in which they came
+    double learned_ns_ = 0, mean_before_ns_ = 0;
     bool must_reopen_ = false;        // no number can prove the age until then
     double max_late_ns_ = 0;          // the largest lateness in this lag
     std::uint64_t max_late_at_ = 0;   // when it was so late, by a tenth
@@ -174,12 +186,25 @@ inline void StreamAge::open(const Route& route, std::uint64_t opened_ns) noexcep
     opened_ns_ = opened_ns;
 }
 
+inline bool StreamAge::is_on_trial(double advance, std::uint64_t host_ns) noexcept {
+    if (is_reopened_) trial_ns_ = 0;
+    if (trial_ns_ == 0) return false;
+    const auto elapsed_ns = double(host_ns - trial_ns_);
+    trial_frames_ += advance;
+    if (trial_frames_ * interval_ns() - elapsed_ns > kLate_ns) is_unproved_ = must_reopen_ = true;
+    if (is_unproved_ || elapsed_ns > kMinSettle_ns) trial_ns_ = 0;
+    return trial_ns_ != 0;
+}
+
 inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
     if (frame.taken_ns < frame.t_ns) frame.taken_ns = frame.t_ns;
     // Two frames of one read have the same time, and each conversion to the host's clock has an error.
     if (has_frame_) host_ns = std::max(host_ns, host_ns_);
     if (route_.path == Route::Path::polled) {
         proof_ = Proof::polled;
+        // The thread was starved, or the answer took longer: the value may be as old as the request.
+        if (frame.since_ns != 0 && double(frame.taken_ns) - double(frame.since_ns) > kLate_ns)
+            backdate(frame, double(frame.taken_ns - frame.since_ns));
         return;
     }
     // The last frame again, from a server that sends it to each client: it is not the first one of the new connection.

@@ -76,7 +76,7 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     const bool too_fast = bound_.is_too_fast() && is_network();
     is_no_clock_ = is_no_clock_ || bound_.is_no_clock() || (bound_.is_too_fast() && is_resonator_);
     is_unproved_ = is_unproved_ || step.leapt || leapt_while_closed || may_have_begun || too_fast || is_no_clock_;
-    if (has_discarded(late) && !leapt_while_closed && !is_no_clock_) {
+    if (has_discarded(late) && !leapt_while_closed && !is_no_clock_ && !has_waited(host_ns)) {
         is_unproved_ = false;
         bound_.end_fall();
         if (too_fast) {  // this frame is on time: the drift is learned anew, as that of a resonator

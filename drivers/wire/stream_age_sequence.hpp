@@ -32,13 +32,19 @@ inline bool StreamAge::seems_restarted(const Frame& frame, double late_ns) const
     return late_ns < -2 * kLate_ns || (is_short && late_ns_ + double(frame.lost) * period_ns_ > kLate_ns);
 }
 
-inline void StreamAge::learn_rate(double advance, std::uint64_t host_ns) noexcept {
-    learn_frames_ += advance;
-    const auto elapsed_ns = double(host_ns - learn_ns_);
-    if (elapsed_ns < kLearn_ns || learn_frames_ < kLearnFrames) return;
-    period_ns_ = elapsed_ns / learn_frames_;
-    if (declared_ns_ > 0)
-        period_ns_ = std::clamp(period_ns_, declared_ns_ / (1 + tolerance_), declared_ns_ * (1 + tolerance_));
+// The mean interval since the last opening, without silences; else that of the time before, else the declared one.
+inline double StreamAge::mean_ns() const noexcept {
+    const double mean_ns = learn_frames_ > 0     ? learned_ns_ / learn_frames_
+                           : mean_before_ns_ > 0 ? mean_before_ns_
+                           : max_period_ns_ > 0  ? max_period_ns_
+                                                 : declared_ns_;
+    return declared_ns_ > 0 ? std::clamp(mean_ns, declared_ns_ / (1 + tolerance_), declared_ns_ * (1 + tolerance_))
+                            : mean_ns;
+}
+
+inline void StreamAge::learn_rate(std::uint64_t host_ns) noexcept {
+    if (learned_ns_ < kLearn_ns || learn_frames_ < kLearnFrames) return;
+    period_ns_ = mean_ns();
     if (max_period_ns_ > 0) period_ns_ = std::min(period_ns_, max_period_ns_);
     begin_to_count();
     known_ns_ = host_ns;
@@ -87,21 +93,31 @@ inline double StreamAge::advance_of(const Frame& frame, double silence_ns) const
 }
 
 // Lateness while the rate is not known yet: a silence alone shows a lag. Returns 0 where nothing is known.
-inline double StreamAge::late_while_learning(double advance, double silence_ns, std::uint64_t host_ns) noexcept {
-    if (advance == 0) {
-        learn_ns_ = host_ns;
-        learn_frames_ = 0;
-        return 0;
+inline double StreamAge::late_while_learning(const Frame& frame, double advance, double silence_ns,
+                                             std::uint64_t host_ns) noexcept {
+    const double mean = mean_ns();
+    const bool is_silence = silence_ns > std::max(advance, 1.0) * std::max(3 * mean, kLate_ns);
+    if (is_reopened_ || advance == 0) {
+        learn_frames_ = learned_ns_ = 0;
+        mean_before_ns_ = mean;
     }
-    const double mean_ns = learn_frames_ > 0    ? double(host_ns_ - learn_ns_) / learn_frames_
-                           : max_period_ns_ > 0 ? max_period_ns_
-                                                : declared_ns_;
-    if (silence_ns > advance * std::max(3 * mean_ns, kLate_ns)) is_unproved_ = true;
+    if (is_reopened_) {
+        const bool counts_each_connection = route_.reopening_discards && advance == 0 && opened_ns_ != 0 &&
+                                            frame.sequence * mean < double(host_ns - opened_ns_) + kLate_ns;
+        // The frames of the time for which the link was closed must be missing.
+        const bool is_kept = !counts_each_connection && silence_ns - advance * mean > kLate_ns + silence_ns / 8;
+        is_unproved_ = is_unproved_ || is_kept;
+        return is_kept ? silence_ns + kLate_ns : 0;
+    }
+    is_unproved_ = is_unproved_ || is_silence;
+    // A silence is no interval, unless none is known yet.
+    if (advance == 0 || (is_silence && mean > 0)) return 0;
+    learn_frames_ += advance;
+    learned_ns_ += silence_ns;
     // After it got faster, the device was never as slow as it seems now.
-    if (max_period_ns_ > 0 && double(host_ns - learn_ns_) - (learn_frames_ + advance) * max_period_ns_ > kLate_ns)
-        is_unproved_ = true;
-    if (!is_unproved_) learn_rate(advance, host_ns);  // a rate over a silence, or a backlog, is not the device's
-    return is_reopened_ && advance * mean_ns < silence_ns / 2 ? silence_ns + kLate_ns : 0;  // the path discarded nothing
+    if (max_period_ns_ > 0 && learned_ns_ - learn_frames_ * max_period_ns_ > kLate_ns) is_unproved_ = true;
+    if (!is_unproved_) learn_rate(host_ns);  // a rate over a silence, or a backlog, is not the device's
+    return 0;
 }
 
 inline double StreamAge::late_by_counter(const Frame& frame, double advance, double silence_ns,
@@ -120,12 +136,12 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
     const double silence_ns = has_frame_ ? double(host_ns - host_ns_) : 0;
     const double advance = advance_of(frame, silence_ns);
     sequence_ = frame.sequence;
-    if (!has_frame_) learn_ns_ = host_ns;
     // The counter may have passed its end any number of times, and does not show how long the path held this frame.
     if (has_waited(host_ns) && silence_ns > range_ns(frame) / 2) must_reopen_ = true;
     bool late_is_known = period_ns_ > 0;
     double late = late_is_known ? late_by_counter(frame, advance, silence_ns, host_ns)
-                                : late_while_learning(advance, silence_ns, host_ns);
+                                : late_while_learning(frame, advance, silence_ns, host_ns);
+    bool on_trial = is_on_trial(advance, host_ns);
     is_unproved_ = is_unproved_ || must_reopen_;
     if (late_is_known && !is_unproved_ && late > kLate_ns) {
         is_unproved_ = true;
@@ -139,22 +155,23 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         late = is_reopened_ ? silence_ns + kLate_ns : 0;
         max_period_ns_ = period_ns_;
         period_ns_ = 0;
-        learn_frames_ = 0;
+        learn_frames_ = learned_ns_ = mean_before_ns_ = 0;
     }
     // The device had paused: its counter is behind as before, and the path held nothing that opening it again discarded. A
     // lag of which a part was discarded is judged by the rest of it.
     const bool had_paused = !late_is_known || late > late_ns_ - kLate_ns;
-    const bool may_have_waited = has_waited(host_ns) && (!late_is_known || range_ns(frame) < kShortCounter_ns);
-    if (is_unproved_ && had_paused && has_discarded(late) && !may_have_waited) {
+    if (is_unproved_ && had_paused && has_discarded(late) && !has_waited(host_ns)) {
         bound_.restart();
         bound_.end_fall();
         late = 0;
         is_unproved_ = must_reopen_ = false;
-        known_ns_ = learn_ns_ = host_ns;
-        learn_frames_ = 0;
+        known_ns_ = trial_ns_ = host_ns;
+        trial_frames_ = 0;
+        on_trial = true;
     }
     late_ns_ = late;
-    frame.age = is_unproved_ || (late_is_known && bound_.is_falling()) ? Frame::Age::unproved : Frame::Age::proved;
+    const bool is_falling = late_is_known && bound_.is_falling();
+    frame.age = is_unproved_ || on_trial || is_falling ? Frame::Age::unproved : Frame::Age::proved;
     if (!is_unproved_) {
         punctual_ns_ = host_ns;
         backdate(frame, late);

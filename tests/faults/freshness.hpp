@@ -69,6 +69,12 @@ public:
 
     // The path keeps what is sent from now on until then, and releases it at once.
     void hold_until(double t_s) { hold_until_s_ = t_s; }
+    // The last relay gets no time to run until then. The frames wait before it, also while the link is closed. The kernel
+    // accepts a new connection meanwhile.
+    void starve_until(double t_s) {
+        starved_since_s_ = std::max(now_s_, hold_until_s_);
+        hold_until_s_ = starved_until_s_ = t_s;
+    }
     bool pauses = false;          // the device measures and sends nothing
     bool forwards_old = false;    // its next frame is one of a second ago under a new number
     double drop = 0, swap = 0;    // rates
@@ -90,11 +96,15 @@ public:
     // The link is closed and opened again.
     void reopen() {
         const double closed_s = std::max(0.05, double(age_.closed_ns()) * 1e-9);
+        const bool is_starved = now_s_ < starved_until_s_;
         // no server can be reached while it holds everything
-        closed_until_s_ = std::max(now_s_ + closed_s, hold_until_s_);
+        closed_until_s_ = is_starved ? now_s_ + closed_s : std::max(now_s_ + closed_s, hold_until_s_);
         discarded_ = when_closed == Closed::discards;
         if (discarded_) {
-            const auto left_the_first = [&](const Sent& sent) { return sent.measured_s + inner_lag_s <= closed_until_s_; };
+            discarded_until_s_ = is_starved ? starved_since_s_ : closed_until_s_;
+            const auto left_the_first = [&](const Sent& sent) {
+                return sent.measured_s + inner_lag_s <= discarded_until_s_;
+            };
             while (!way_.empty() && left_the_first(way_.front())) way_.pop_front();
             for (Sent& sent : way_) sent.arrives_s = sent.measured_s + inner_lag_s + 0.002;
             extra_lag_s = left_s_ = 0;
@@ -228,7 +238,7 @@ private:
 
     void arrive(const Sent& sent, double at_s) {
         last_s_ = at_s;
-        if (at_s < closed_until_s_ || (discarded_ && sent.measured_s < closed_until_s_ && !sent.is_retained)) return;
+        if (at_s < closed_until_s_ || (discarded_ && sent.measured_s < discarded_until_s_ && !sent.is_retained)) return;
         Frame frame;
         if (stream_.format != Stream::Format::numbers) {
             if (decode(sent, at_s, frame)) judge(frame, sent, at_s);
@@ -297,6 +307,7 @@ private:
     std::uint32_t sequence_, before_ = 0;
     std::uint64_t device_us_seen_ = 0;
     double offset_us_, now_s_ = 1000, device_us_ = 0, temperature_ = 0, next_temperature_s_ = 0;
+    double starved_since_s_ = 0, starved_until_s_ = 0, discarded_until_s_ = 0;
     double hold_until_s_ = 0, last_s_ = 0, left_s_ = 0, closed_until_s_ = 0, stood_still_s_ = 0;
     bool opening_ = true, discarded_ = true;
     LinkCounts counts_;

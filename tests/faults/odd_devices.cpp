@@ -65,6 +65,49 @@ void set_on_while_closed_in_a_lag(FreshnessRun& run, std::mt19937_64& random) {
     run.when_closed = Closed::discards;
 }
 
+// A busy machine: the last relay runs for 1 to 50 ms, and then waits for up to 0.4 s. The first frame is on time.
+void starved(FreshnessRun& run, std::mt19937_64& random, double for_s) {
+    run.run_s(between(random, 0.1, 0.3));
+    for (const double end_s = run.now_s() + for_s; run.now_s() < end_s;) {
+        const double waits_s = std::pow(between(random, 0, 1), 4) * 0.4;
+        run.starve_until(run.now_s() + waits_s);
+        run.run_s(waits_s + between(random, 0.001, 0.05));
+    }
+}
+
+// A counter that begins again within the time for which the link is closed does not show that frames are missing.
+void longer_counter(Stream& stream, std::mt19937_64&) {
+    if (std::ldexp(1 / stream.rate_Hz, int(stream.counter_bits)) < 2) stream.counter_bits = 16;
+}
+
+void busy_machine(FreshnessRun& run, std::mt19937_64& random) {
+    starved(run, random, between(random, 1, 60));
+    run.run_s(between(random, 5, 30));
+}
+
+// A lag begins before or while the machine is busy. In half of the cases a relay keeps its frames when the link is opened
+// again.
+void lag_on_a_busy_machine(FreshnessRun& run, std::mt19937_64& random) {
+    if (random() % 2 == 0) run.when_closed = Closed::keeps;
+    starved(run, random, between(random, 0.1, 5));
+    run.extra_lag_s = between(random, 0.2, 3);
+    starved(run, random, between(random, 1, 30));
+    run.run_s(between(random, 0, 5));
+    run.extra_lag_s = 0;
+    run.when_closed = Closed::discards;
+    starved(run, random, between(random, 1, 10));
+    run.run_s(30);
+}
+
+void down_on_a_busy_machine(FreshnessRun& run, std::mt19937_64& random) {
+    starved(run, random, between(random, 0.1, 5));
+    const double s = between(random, 0.5, 3.9);
+    run.hold_until(run.now_s() + s);
+    run.run_s(s);
+    starved(run, random, between(random, 1, 30));
+    run.run_s(30);
+}
+
 void doubled(FreshnessRun& run, std::mt19937_64& random) {
     run.copies_late_s = 1e-9;
     run.run_s(10);
@@ -85,6 +128,12 @@ const std::vector<Kind> kOddKinds = {
     {"a dead device, the server sends its last frame", dead_behind_a_server, kByCounters},
     {"this machine and its clock stand still", machine_stands_still, kByNone},
     {"the clock is set on while closed in a lag", set_on_while_closed_in_a_lag, kByClocks},
+    {"a busy machine", busy_machine, kByCounters, 0, false, 0, longer_counter},
+    {"a busy machine from the start", busy_machine, kByCounters, 0, true, 0, longer_counter},
+    {"a lag on a busy machine", lag_on_a_busy_machine, kByCounters, 0, false, 0, longer_counter},
+    {"a lag on a busy machine from the start", lag_on_a_busy_machine, kByClocks, 0, true, 0, longer_counter},
+    {"a link is down on a busy machine", down_on_a_busy_machine, kByCounters, 0, false, 0, longer_counter},
+    {"a link is down on a busy machine from the start", down_on_a_busy_machine, kByCounters, 0, true, 0, longer_counter},
     {"each frame is sent twice", doubled, kByCounters}};
 
 }  // namespace tactiled::faults

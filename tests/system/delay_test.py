@@ -61,17 +61,22 @@ class Chain:
     def __exit__(self, *what):
         self.stack.close()
 
-    def age_ms(self, sample):
-        return (time.monotonic() + self.ahead_s - self.began) * 1000 - sample.raw_force_S_N[2] * 1000
+    def age_ms(self, sample, at_s):
+        return (at_s + self.ahead_s - self.began) * 1000 - sample.raw_force_S_N[2] * 1000
 
     def watch(self, seconds, until=None):
-        """The true age of the oldest GOOD value in ms, and that of the youngest; a wrong value is far from both."""
+        """The true age of the oldest GOOD value in ms, and that of the youngest; a wrong value is far from both.
+
+        On a busy machine this process may have to wait before or after its read: the value was read, and judged, between
+        the two times. Any reader may see it as GOOD until stale_ms after its t_ns, so that age counts, too."""
         oldest, youngest, end = 0.0, 1e9, time.monotonic() + seconds
         while time.monotonic() < end and not (until and until()):
+            before_s = time.monotonic()
             sample = self.node.latest("s")
+            after_s = time.monotonic()
             if sample.quality == tactiled.GOOD:
-                age_ms = self.age_ms(sample)
-                oldest, youngest = max(oldest, age_ms), min(youngest, age_ms)
+                last_ms = self.age_ms(sample, sample.t_ns * 1e-9) + STALE_MS
+                oldest, youngest = max(oldest, self.age_ms(sample, before_s), last_ms), min(youngest, self.age_ms(sample, after_s))
             time.sleep(0.002)
         return oldest, youngest
 
@@ -119,9 +124,10 @@ class Depths(Witnessed):
                 for name, seen in zip(about, of_each(range(len(chains)), held_and_late)):
                     for one in seen:
                         self.assert_young(one, (name, "stage", stage, hold_s, lag_s))
+            # On a busy machine a frame may be truly late at any moment, and its value BAD.
             for (end, fields), chain in zip(about, chains):
                 if "clock" in fields:
-                    self.assertEqual(chain.quality(), tactiled.GOOD, (end, fields))
+                    wait_for(lambda c=chain: c.quality() == tactiled.GOOD, 15, f"GOOD: {end}, {fields}")
 
     def test_lost_bytes_swapped_and_repeated_frames_and_a_clock_that_jumps_give_no_wrong_value(self):
         with contextlib.ExitStack() as stack:
@@ -144,7 +150,7 @@ class Depths(Witnessed):
             for chain, seen in zip(chains, of_each(chains, strike)):
                 for i, one in enumerate(seen):
                     self.assert_young(one, (chain.daemon.config.read_text(), i))
-                self.assertEqual(chain.quality(), tactiled.GOOD)
+                wait_for(lambda c=chain: c.quality() == tactiled.GOOD, 15, "GOOD again")
 
     def test_an_old_frame_under_a_new_number_is_seen_by_the_clock_of_the_device(self):
         with Chain("sequence+clock", ["tcp:127.0.0.1", "tcp:127.0.0.1"]) as chain:
@@ -168,12 +174,12 @@ class Depths(Witnessed):
             of_each(chains, stack.enter_context)
             for chain in chains:
                 chain.tell("lag 2", 1)
-            for one in of_each(chains, lambda chain: chain.watch(4)):
-                self.assert_young(one, "before")
+            for fields, one in zip(FIELDS[1:], of_each(chains, lambda chain: chain.watch(4))):
+                self.assert_young(one, (fields, "before"))
             for chain in chains:
                 chain.daemon.process.send_signal(signal.SIGHUP)
-            for one in of_each(chains, lambda chain: chain.watch(3)):
-                self.assert_young(one, "after the reload")
+            for fields, one in zip(FIELDS[1:], of_each(chains, lambda chain: chain.watch(3))):
+                self.assert_young(one, (fields, "after the reload"))
 
     def test_a_device_whose_firmware_keeps_bytes_while_the_process_is_stopped(self):
         """As on a USB port: the firmware's buffer waits until the host reads again."""

@@ -1,5 +1,7 @@
 // A device whose frames come with a given delay, and the judgement of their age.
 #pragma once
+#include <gtest/gtest.h>
+
 #include "drivers/wire/stream_age.hpp"
 
 namespace tactiled {
@@ -31,6 +33,15 @@ struct Device {
     }
     void run(int frames, double delay_ms = 1) {
         for (int i = 0; i < frames; ++i) (void)next(delay_ms);
+    }
+
+    // The first frame after an opening, measured `missing_ms` after the last one, and those of the 50 ms until the age is
+    // proved. Returns the one that is.
+    Frame reopened(double missing_ms, double delay_ms = 1, double period_ms = 10) {
+        Frame frame = next(delay_ms, missing_ms);
+        EXPECT_EQ(frame.age, Frame::Age::unproved);
+        for (double ms = 0; ms <= 50; ms += period_ms) frame = next(delay_ms, period_ms);
+        return frame;
     }
 
     StreamAge age;

@@ -46,6 +46,27 @@ TEST(Sensor, TakesItsTemperatureFromAChannelOfTheFrame) {
     EXPECT_TRUE(std::isnan(send(none, kMs, 1, 23.5).temperature_C));
 }
 
+std::uint64_t slept_ns = 0;  // beyond the real time in suspension
+
+TEST(Sensor, FramesThatWaitedWhileTheMachineWasSuspendedHaveNoValue) {
+    Sensor sensor = with([](Sensor::Setup& setup) {
+        setup.frame_channels = 3;
+        setup.boot_ns = []() noexcept { return with_suspend_ns() + slept_ns; };
+    });
+    const std::uint64_t at_ns = 10'000 * kMs;
+    EXPECT_EQ(sensor.sample(frame(at_ns, 1, 0, 0), at_ns).quality, unsigned(TACTILED_GOOD));
+    EXPECT_FALSE(sensor.has_discontinuity(true, at_ns + kMs));
+    slept_ns = 1000 * kMs;
+    const auto waited = sensor.sample(frame(at_ns + 10 * kMs, 1, 0, 0), at_ns + 11 * kMs);
+    EXPECT_EQ(waited.quality, unsigned(TACTILED_BAD));
+    EXPECT_NE(waited.reasons & TACTILED_STALE, 0u);
+    EXPECT_EQ(sensor.sample(frame(at_ns + 12 * kMs, 1, 0, 0), at_ns + 12 * kMs).quality, unsigned(TACTILED_GOOD));
+    slept_ns += 1000 * kMs;
+    EXPECT_TRUE(sensor.has_discontinuity(true, at_ns + 13 * kMs)) << "no frame has come: the last value is old";
+    EXPECT_NE(sensor.marker(at_ns + 13 * kMs).reasons & TACTILED_STALE, 0u);
+    slept_ns = 0;
+}
+
 TEST(Sensor, ASaturatedOrJumpingThermometerHasNoValue) {
     Sensor sensor = with([](Sensor::Setup& setup) { setup.temperature_of_frame = 3; });
     EXPECT_EQ(send(sensor, kMs, 1, 23.5).temperature_C, 23.5f);
