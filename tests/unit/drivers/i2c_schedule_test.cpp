@@ -132,6 +132,28 @@ TEST(I2cSchedule, KnowsWhatItLostWhenItsThreadSlept) {
     }
 }
 
+// A thread without time to run reads a conversion, or the next part of a frame, long after it ended.
+TEST(I2cSchedule, AValueThatWaitedInTheChipIsNotNew) {
+    for (const ChipKind& kind : chip_kinds())
+        for (const double scale : {0.9, 1.1}) {
+            ChipBench bench;
+            bench.add(kind).period_scale = scale;
+            ASSERT_EQ(bench.schedule.open(), "");
+            std::int64_t usual_ns = 0;
+            for (const auto& one : bench.run(3)) usual_ns = std::max(usual_ns, one.age_ns);
+            Frame frame;
+            for (std::uint64_t phase = 0; phase < 40; ++phase) {
+                const std::uint64_t until_ns = bench.bus.now_ns() + 200'000'000 + phase * 1'370'000;
+                while (bench.bus.now_ns() < until_ns) (void)bench.schedule.read(frame, 1);
+                bench.bus.wait_until(bench.bus.now_ns() + 400'000'000);
+                for (const auto& one : bench.run(0.5)) {
+                    ASSERT_GE(one.age_ns, 0) << kind.name << " " << kind.keys;
+                    ASSERT_LE(one.age_ns, usual_ns + 60'000'000) << kind.name << " " << kind.keys << ", phase " << phase;
+                }
+            }
+        }
+}
+
 TEST(I2cSchedule, LosesNothingWhereItsThreadWakesLate) {
     for (const char* name : {"ad7746", "nau7802", "ads122c04"}) {
         ChipBench bench;
