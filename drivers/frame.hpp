@@ -22,7 +22,8 @@ struct Frame {
     std::uint64_t late_ns = 0;        // the age when it was taken from the kernel, where that is known
     // Not published. Set by drivers of streams, 0 = t_ns.
     std::uint64_t taken_ns = 0;  // when its last byte was read from the kernel; t_ns may be an earlier estimate
-    // Earliest possible arrival if the process was stopped; of an answer, the time of its request. 0 = not known.
+    // Earliest possible arrival if the process was stopped; of an answer, when it came at the earliest: the time of the
+    // request and of both messages, or when the chip was ready. 0 = not known.
     std::uint64_t since_ns = 0;
 
     std::uint64_t t_ns = 0;            // CLOCK_MONOTONIC when the frame's last byte was read from the kernel, or earlier

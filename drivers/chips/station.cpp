@@ -24,10 +24,10 @@ constexpr std::uint64_t kWaitForEdge = 8;
 // After this many polls without a result since the last conversion, edges no longer cause polls, so that a noisy line
 // costs a limited number of transfers.
 constexpr unsigned kMaxHastened = 4;
-// A conversion ends after this multiple of its time, also of a slow clock. Where the parts of a frame need longer together
-// by the second constant, the thread had no time to run, and a part waited in the chip.
+// A triggered conversion is read after this multiple of its time, also if the chip's clock is slow, and so much later by a
+// slow bus with other chips.
 constexpr double kLongest = 1.125;
-constexpr std::uint64_t kLate_ns = 50 * kMs;
+constexpr std::uint64_t kBus_ns = 10 * kMs;
 
 }  // namespace
 
@@ -43,7 +43,7 @@ void Station::set_up_again() noexcept {
     step_ = 0;
     lost_ = 0;
     edge_ns_ = 0;
-    parts_ = 0;
+    waited_ns_ = 0;
     is_retry_ = is_wrong_ = has_edges_ = false;
     due_ns_ = port_.now_ns();
 }
@@ -55,14 +55,6 @@ Station::Outcome Station::fail(Answer answer) noexcept {
     pause_ms_ = std::clamp(2 * pause_ms_, kMinPauseMs, kMaxPauseMs);
     due_ns_ += pause_ms_ * kMs;
     return Outcome::nothing;
-}
-
-// Counts a part of a frame that was read at `now_ns`. Returns the latest time at which all parts so far were converted, if
-// none had to wait in the chip.
-std::uint64_t Station::parts_ended_ns(std::uint64_t now_ns) noexcept {
-    const auto longest_ns = std::uint64_t(kLongest * double(chip_->conversion_ns()));
-    if (parts_++ == 0) first_ended_ns_ = std::min(now_ns, began_ns_ + longest_ns);
-    return first_ended_ns_ + (parts_ - 1) * longest_ns;
 }
 
 // The chip answers, but not as this chip should.
@@ -136,6 +128,7 @@ void Station::begin_conversion() noexcept {
     asked_ = 0;
     clock_.begin(began_ns_, chip_->conversion_ns(), chip_->pace() != Pace::triggered);
     due_ns_ = chip_->pace() == Pace::timed ? began_ns_ + chip_->conversion_ns() : clock_.next_poll_ns();
+    latest_ns_ = began_ns_ + std::uint64_t(kLongest * double(chip_->conversion_ns())) + kBus_ns;
 }
 
 Station::Outcome Station::convert(Frame& frame) noexcept {
@@ -193,7 +186,9 @@ Station::Outcome Station::take(const Chip::Reading& reading, std::uint64_t befor
         has_edges_ = edge_ns != 0;
         due_ns_ = predicted_ns();
     }
-    const std::uint64_t ended_ns = chip_->pace() == Pace::triggered ? parts_ended_ns(now_ns) : now_ns;
+    // A thread without time to run: the conversion waited in the chip.
+    if (chip_->pace() == Pace::triggered && now_ns > latest_ns_) waited_ns_ += now_ns - latest_ns_;
+    latest_ns_ = now_ns + std::uint64_t(kLongest * double(chip_->conversion_ns())) + kBus_ns;
     began_ns_ = taken_ns_ = now_ns;
     is_hastened_ = false;
     asked_ = 0;
@@ -201,8 +196,9 @@ Station::Outcome Station::take(const Chip::Reading& reading, std::uint64_t befor
     lost_ += lost;
     counts_[TACTILED_LINK_LOST] += lost;
     if (reading.kind == Chip::Reading::part) return Outcome::nothing;
-    parts_ = 0;
-    frame.t_ns = now_ns > ended_ns + kLate_ns ? ended_ns : edge_ns != 0 ? edge_ns : now_ns;
+    frame.t_ns = edge_ns != 0 ? edge_ns : now_ns;
+    frame.taken_ns = now_ns;
+    frame.since_ns = now_ns - std::exchange(waited_ns_, 0);
     frame.device = device_;
     frame.lost = std::exchange(lost_, 0);
     ++counts_[TACTILED_LINK_FRAMES];

@@ -43,7 +43,6 @@ private:
     Outcome convert(Frame& frame) noexcept;
     [[nodiscard]] std::uint64_t predicted_ns() const noexcept;
     [[nodiscard]] std::uint64_t ended_ns(std::uint64_t before_ns, std::uint64_t now_ns) noexcept;
-    [[nodiscard]] std::uint64_t parts_ended_ns(std::uint64_t now_ns) noexcept;
     Outcome take(const Chip::Reading& reading, std::uint64_t before_ns, Frame& frame) noexcept;
     void begin_conversion() noexcept;
     void set_up_again() noexcept;
@@ -64,9 +63,9 @@ private:
     std::uint64_t edge_ns_ = 0;   // timestamp of an edge without a reading after it; 0: none
     std::uint64_t taken_ns_ = 0;  // time of the last reading: an older edge belongs to that reading
     unsigned step_ = 0, pause_ms_ = 0;
-    unsigned asked_ = 0;                // polls without a result since the last conversion
-    std::uint64_t first_ended_ns_ = 0;  // when the first part of the frame was converted, at the latest
-    unsigned parts_ = 0;                // parts of the frame so far
+    unsigned asked_ = 0;           // polls without a result since the last conversion
+    std::uint64_t latest_ns_ = 0;  // a later reading finds a conversion that had to wait
+    std::uint64_t waited_ns_ = 0;  // parts of the frame so far, together
     std::uint32_t lost_ = 0;
     std::uint64_t found_ = 0;
     bool is_hastened_ = false;  // the chip is due because of an edge

@@ -150,6 +150,7 @@ private:
     std::uint64_t opened_ns_ = 0;   // host time; 0: not known, or a frame has come since
     std::uint64_t trial_ns_ = 0;    // host time of the first frame of an opening on trial; 0: none
     double trial_frames_ = 0;       // since then
+    double trial_interval_ns_ = 0;  // known before it
     double wait_ns_ = kMaxWait_ns;  // shortest time from an opening to its first frame
 
     bool is_resonator_ = false;         // bound_ allows for a clock like that of a ceramic resonator
@@ -191,7 +192,11 @@ inline bool StreamAge::is_on_trial(double advance, std::uint64_t host_ns) noexce
     if (trial_ns_ == 0) return false;
     const auto elapsed_ns = double(host_ns - trial_ns_);
     trial_frames_ += advance;
-    if (trial_frames_ * interval_ns() - elapsed_ns > kLate_ns) is_unproved_ = must_reopen_ = true;
+    if (trial_frames_ * trial_interval_ns_ - elapsed_ns > kLate_ns) {
+        is_unproved_ = must_reopen_ = true;
+        learn_frames_ = learned_ns_ = 0;  // these frames do not have the device's interval
+        mean_before_ns_ = trial_interval_ns_;
+    }
     if (is_unproved_ || elapsed_ns > kMinSettle_ns) trial_ns_ = 0;
     return trial_ns_ != 0;
 }
@@ -202,9 +207,8 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
     if (has_frame_) host_ns = std::max(host_ns, host_ns_);
     if (route_.path == Route::Path::polled) {
         proof_ = Proof::polled;
-        // The thread was starved, or the answer took longer: the value may be as old as the request.
-        if (frame.since_ns != 0 && double(frame.taken_ns) - double(frame.since_ns) > kLate_ns)
-            backdate(frame, double(frame.taken_ns - frame.since_ns));
+        // The thread was starved, or the answer took longer: the value may be that much older.
+        if (frame.since_ns != 0) backdate(frame, double(frame.taken_ns) - double(frame.since_ns) - kLate_ns);
         return;
     }
     // The last frame again, from a server that sends it to each client: it is not the first one of the new connection.

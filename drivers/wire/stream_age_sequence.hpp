@@ -105,13 +105,14 @@ inline double StreamAge::late_while_learning(const Frame& frame, double advance,
         const bool counts_each_connection = route_.reopening_discards && advance == 0 && opened_ns_ != 0 &&
                                             frame.sequence * mean < double(host_ns - opened_ns_) + kLate_ns;
         // The frames of the time for which the link was closed must be missing.
-        const bool is_kept = !counts_each_connection && silence_ns - advance * mean > kLate_ns + silence_ns / 8;
+        const double error_ns = route_.reopening_discards ? std::min(silence_ns / 8, 2 * kLate_ns) : silence_ns / 8;
+        const bool is_kept = !counts_each_connection && silence_ns - advance * mean > kLate_ns + error_ns;
         is_unproved_ = is_unproved_ || is_kept;
         return is_kept ? silence_ns + kLate_ns : 0;
     }
     is_unproved_ = is_unproved_ || is_silence;
     // A silence is no interval, unless none is known yet.
-    if (advance == 0 || (is_silence && mean > 0)) return 0;
+    if (advance == 0 || (is_silence && mean > 0) || must_reopen_) return 0;
     learn_frames_ += advance;
     learned_ns_ += silence_ns;
     // After it got faster, the device was never as slow as it seems now.
@@ -167,6 +168,7 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         is_unproved_ = must_reopen_ = false;
         known_ns_ = trial_ns_ = host_ns;
         trial_frames_ = 0;
+        trial_interval_ns_ = interval_ns();
         on_trial = true;
     }
     late_ns_ = late;

@@ -12,8 +12,8 @@ using Path = Route::Path;
 
 // A device of 100 Hz whose frames come 1 ms after they were measured, unless a test says otherwise.
 struct Device {
-    explicit Device(Route route, bool clock = true, bool counter = true)
-        : age(100, 0.2, 100 * kMs), has_clock(clock), has_sequence(counter) {
+    explicit Device(Route route, bool clock = true, bool counter = true, double declared_Hz = 100)
+        : age(declared_Hz, 0.2, 100 * kMs), has_clock(clock), has_sequence(counter) {
         open(route);
     }
     void open(Route route) { age.open(route); }

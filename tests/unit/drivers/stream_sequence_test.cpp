@@ -84,22 +84,32 @@ TEST(StreamAge, ALagThatBeganWhileTheLinkWasOpenedAgainIsSeenBeforeTheRateIsKnow
 
 // The relay was starved when the link was closed. It keeps the frames of that time, and passes them on at once.
 TEST(StreamAge, FramesThatComeAtOnceAfterAnOpeningWereKept) {
-    for (const int known : {100, 1000}) {
-        Device device(connection(), false);
-        device.run(known);
-        device.run(10, 350);
-        device.open(connection());
-        device.sequence += 35;
-        for (int i = 0; i < 31; ++i) {
-            const double delay_ms = 310 - 10 * i;
-            EXPECT_EQ(device.next(delay_ms, i == 0 ? 360 : 10).age, Age::unproved) << known << ' ' << delay_ms;
+    for (const double declared_Hz : {100, 0})
+        for (const int known : {100, 1000}) {
+            Device device(connection(), false, true, declared_Hz);
+            device.run(known);
+            device.run(10, 350);
+            device.open(connection());
+            device.sequence += 35;
+            for (int i = 0; i < 31; ++i) {
+                const double delay_ms = 310 - 10 * i;
+                EXPECT_EQ(device.next(delay_ms, i == 0 ? 360 : 10).age, Age::unproved) << known << ' ' << delay_ms;
+            }
+            device.open(connection());
+            device.sequence += 30;
+            (void)device.reopened(310);
+            device.run(100);  // a known rate shows after a while that nothing is to be caught up
+            EXPECT_EQ(device.next().age, Age::proved) << known;
         }
-        device.open(connection());
-        device.sequence += 30;
-        (void)device.reopened(310);
-        device.run(100);  // a known rate shows after a while that nothing is to be caught up
-        EXPECT_EQ(device.next().age, Age::proved) << known;
-    }
+}
+
+TEST(StreamAge, ALagThatBeganWhileTheLinkWasDownForLongIsSeenBeforeTheRateIsKnown) {
+    Device device(connection(), false, true, 0);
+    device.run(100);
+    device.open(connection());
+    device.sequence += 5499;
+    EXPECT_EQ(device.next(5001, 55000).age, Age::unproved);
+    for (int i = 0; i < 500; ++i) ASSERT_EQ(device.next(5001).age, Age::unproved) << i;
 }
 
 // The device restarts, and a relay is late from then on.
