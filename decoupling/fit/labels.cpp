@@ -19,7 +19,8 @@ constexpr double kLargestLoad = 1e12;        // N or Nm; its inverse is the mini
 constexpr double kNoPress = 0.02;            // relative to the largest pull
 // Distance of a mark for a missing value over the range of all other labels; the second if it consists of nines.
 constexpr double kMarkBeyond = 15, kNinesBeyond = 2;
-constexpr double kFollows = 0.5;          // relative to a channel's width in the other rows
+constexpr double kRelated = 0.5;          // correlation of a channel with a label
+constexpr double kAsFar = 2.5;            // ratio of a label and what such a channel shows
 constexpr double kUsual[] = {1000, 100};  // N, Nm: more is rare in a gripper, and usual for grams or mN
 constexpr double kLongArm_m = 1;          // a moment over a force
 
@@ -29,24 +30,29 @@ bool is_nines(double label) {
     return power >= 2 && next == std::pow(10, power);
 }
 
-// Returns true if in each row with the label `mark` a channel is beyond its values in the other rows, as under a load
-// that is far greater. A channel with the mark itself does not count.
+// Returns true if in each row with the label `mark` a channel is as far from its values in the other rows as under such a
+// load. Only channels that change with the label there count, and none that has the mark itself.
 bool channels_follow(const Rows& rows, std::size_t c, double mark) {
-    const std::size_t n = rows.front()->channel.size();
-    std::vector<double> min(n, std::numeric_limits<double>::infinity()), max(n, -std::numeric_limits<double>::infinity());
+    Rows others, marked;
     for (const auto* row : rows)
-        for (std::size_t k = 0; k < n; ++k) {
-            if (row->wrench_S[c] == mark) continue;
-            min[k] = std::min(min[k], row->channel[k]);
-            max[k] = std::max(max[k], row->channel[k]);
+        if (std::isfinite(row->wrench_S[c])) (row->wrench_S[c] == mark ? marked : others).push_back(row);
+    std::vector<bool> follows(marked.size());
+    for (std::size_t k = 0; k < rows.front()->channel.size(); ++k) {
+        const double n = double(others.size());
+        double x = 0, y = 0, xx = 0, yy = 0, xy = 0;
+        for (const auto* row : others) x += row->channel[k] / n, y += row->wrench_S[c] / n;
+        for (const auto* row : others) {
+            const double dx = row->channel[k] - x, dy = row->wrench_S[c] - y;
+            xx += dx * dx, yy += dy * dy, xy += dx * dy;
         }
-    return std::all_of(rows.begin(), rows.end(), [&](const LabelledRow* row) {
-        bool follows = row->wrench_S[c] != mark;
-        for (std::size_t k = 0; k < n; ++k)
-            follows = follows || (row->channel[k] != mark && std::max(row->channel[k] - max[k], min[k] - row->channel[k]) >
-                                                                 kFollows * (max[k] - min[k]));
-        return follows;
-    });
+        if (!(std::abs(xy) > kRelated * std::sqrt(xx * yy))) continue;
+        const double slope = std::copysign(std::sqrt(yy / xx), xy);
+        for (std::size_t i = 0; i < marked.size(); ++i) {
+            const double reading = marked[i]->channel[k], expected = y + slope * (reading - x);
+            if (reading != mark && expected / mark > 1 / kAsFar && expected / mark < kAsFar) follows[i] = true;
+        }
+    }
+    return std::find(follows.begin(), follows.end(), false) == follows.end();
 }
 
 // A label that several rows have exactly, or that consists of nines, far from those of all other rows, while no channel is.

@@ -22,7 +22,7 @@ constexpr std::size_t kSmallRecording = 2000;  // number of loads
 constexpr int kRounds = 6, kRoundsOfMany = 3;
 // A label with a smaller error is not a relevant mistake. The step is the smallest distance of two different labels: if
 // they are rounded, each may be off by half of it.
-constexpr double kOfFullScale = 0.01, kOfStep = 0.6;
+constexpr double kOfFullScale = 0.01, kOfStep = 0.6, kOfRounded = 0.03;
 // Left out of the first fit that judges: a load that distorts the fit of all rows would hide among the errors that it
 // causes.
 constexpr double kTrimmed = 0.02;  // share of the loads; the limit is this or kMaxLeftOut loads
@@ -67,7 +67,7 @@ Wrench relevant_errors(const Rows& rows, const Wrench& full_scale) {
         double step = labels.size() > 1 ? std::numeric_limits<double>::infinity() : 0;
         for (auto at = labels.begin(); at != labels.end() && std::next(at) != labels.end(); ++at)
             step = std::min(step, *std::next(at) - *at);
-        relevant[c] = std::max(kOfFullScale * full_scale[c], kOfStep * step);
+        relevant[c] = std::clamp(kOfStep * step, kOfFullScale * full_scale[c], kOfRounded * full_scale[c]);
     }
     return relevant;
 }

@@ -130,7 +130,7 @@ void check_agreement(const Labelled& labelled, const std::vector<Rows>& of_sessi
                 "and over {:.3g} in session \"{}\". Calibrate sessions that agree: --session {}",
                 label_column(c), labelled.sessions[s], labelled.name, of_session[s].front()->line, name,
                 100 * line->rms / full_scale[c], 100 * first->rms / full_scale[c], 100 * *rms / full_scale[c],
-                labelled.channels.front(), width(*line), width(*first), name, name);
+                labelled.channels.front(), width(*line), width(*first), name, labelled.sessions.size() == 2 ? name : "A,B");
             if (*rms > kRefused * rms_of(both.y)) throw Undetermined(text);
             warnings.push_back(text);
             return;

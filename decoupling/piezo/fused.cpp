@@ -90,8 +90,8 @@ private:
             doubt_N_ = 0;
         }
         // A smaller difference is in the standard deviation: one of the two readings is off by at least half of it.
-        const double part = (doubt_N_ > 0 ? doubt_N_ : kOfDifference * difference_N) / sd;
-        input.sd_factor[2] = std::sqrt(1 + part * part);
+        const double part_N = doubt_N_ > 0 ? doubt_N_ : kOfDifference * difference_N;
+        if (sd > 0) input.sd_factor[2] = std::hypot(sd, part_N) / sd;
         if (doubt_N_ > 0) estimate.reasons |= TACTILED_DISAGREEMENT;
     }
 

@@ -48,23 +48,35 @@ std::vector<std::size_t> channel_columns(const CsvReader& csv, const Calibration
     return columns;
 }
 
-// Subtracts the mean force of the first rows, as a tare does; keeps these rows until it is known.
+// Subtracts the mean of the GOOD forces of the first seconds, or where none is, of the UNCERTAIN ones; keeps these rows
+// until it is known.
 class Tare {
 public:
     Tare(double duration_s, ForcesWriter& forces) : duration_s_(duration_s), forces_(forces) {}
 
     void write(double t_s, Estimate estimate) {
         if (!until_s_) until_s_ = t_s + duration_s_;
-        if (!ended_ && t_s >= *until_s_) end();
-        if (!ended_) return waiting_.emplace_back(t_s, estimate), void();
+        if (!ended_ && t_s < *until_s_) {
+            waiting_.emplace_back(t_s, estimate);
+            return;
+        }
+        end();
         for (std::size_t c = 0; c < zero_S_.size(); ++c) estimate.wrench_S[c] -= zero_S_[c];
         forces_.write(t_s, estimate, quality_text(estimate.quality, estimate.reasons));
     }
 
     void end() {
-        ended_ = true;
+        if (std::exchange(ended_, true) || waiting_.empty()) return;
+        const auto has = [&](std::uint8_t quality) {
+            return std::count_if(waiting_.begin(), waiting_.end(),
+                                 [&](const auto& row) { return row.second.quality == quality; });
+        };
+        const std::uint8_t best = has(TACTILED_GOOD) != 0 ? TACTILED_GOOD : TACTILED_UNCERTAIN;
+        const auto n = double(has(best));
+        if (n == 0) throw SetupError(fmt::format("--tare-s {:g}: every force of this time is BAD", duration_s_));
         for (std::size_t c = 0; c < zero_S_.size(); ++c)
-            for (const auto& [t_s, estimate] : waiting_) zero_S_[c] += estimate.wrench_S[c] / double(waiting_.size());
+            for (const auto& [t_s, estimate] : waiting_)
+                if (estimate.quality == best) zero_S_[c] += estimate.wrench_S[c] / n;
         for (const auto& [t_s, estimate] : std::exchange(waiting_, {})) write(t_s, estimate);
     }
 

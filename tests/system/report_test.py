@@ -110,6 +110,9 @@ class Report(unittest.TestCase):
         (self.folder / "one.toml").write_text(text + 'validation = "leave one session out (2 sessions), each with its own zero"\n')
         self.assertIn("use --tare-s", decouple()[1])
         self.assertEqual(decouple("--tare-s", "1")[1], "")
+        rows = (self.folder / "raw.csv").read_text().splitlines()
+        (self.folder / "raw.csv").write_text("\n".join([rows[0], "0.0,", *rows[2:]]) + "\n")  # no value in the first row
+        self.assertAlmostEqual(decouple("--tare-s", "1")[0][1], 6 - (4 * 5 + 5 * 6) / 9)
 
     def test_a_report_in_a_missing_folder_is_refused_before_the_fit(self):
         done = self.calibrate(LABELLED, self.folder / "nowhere" / "skin.html")

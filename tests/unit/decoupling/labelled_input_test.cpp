@@ -177,6 +177,17 @@ TEST(Input, MarksForMissingLabelsAreRefused) {
     Labelled both = labelled;
     for (const std::size_t i : {40u, 90u}) both.rows[i].wrench_S[2] = both.rows[i].channel[1] = -999;
     EXPECT_NE(refusal(both, by("matrix")).find("fz_N is -999 there"), std::string::npos);
+    Labelled dropped = labelled;  // the converter had no supply: no load explains both
+    for (auto& row : dropped.rows) {
+        for (double& channel : row.channel) channel += 50;
+        row.channel.push_back(0);
+    }
+    dropped.channels.push_back("status");
+    for (const std::size_t i : {40u, 90u}) {
+        dropped.rows[i].wrench_S[2] = -999;
+        dropped.rows[i].channel = {0, 0, 0, 1};
+    }
+    EXPECT_NE(refusal(dropped, by("matrix")).find("a mark for a missing value"), std::string::npos);
     for (std::size_t i = 0; i < 400; ++i) {  // weights of 0.1, 1 and 10 N, the last one twice
         const double fz = i == 100 || i == 200 ? -10 : i % 2 == 0 ? -1 : -0.1;
         decades.rows[i].wrench_S[2] = fz;
