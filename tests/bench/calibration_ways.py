@@ -6,9 +6,9 @@
 sets     skin (both sessions of the magnetic skin, press), cross (its session 1, judged on session 2), back (the reverse), shear,
          tongs, cell (40 rows of a load cell)
 ways     see WAYS
-Of a set, every fifth of 25 stretches of time is held out (tongs: the maker's test rows; cross, back: the other session). Rows whose
-quality is GOOD are judged: share within 1 sd (at least 60 %), beyond 5 sd (at most 3 %); after a tare, where the sessions have zeros of their own. Misses are marked with "!". A refusal is
-printed with its text.
+Every fifth of 25 stretches of time is held out (tongs: the maker's test rows; cross, back: the other session). The
+judgement takes their GOOD rows: share within 1 sd (at least 60 %), beyond 5 sd (at most 3 %); after a tare, where the
+sessions have zeros of their own. "!" marks a miss. A refusal is printed with its text.
 """
 import argparse
 import json

@@ -166,30 +166,45 @@ TEST(Uncertainty, TheErrorAtRestIsThatOfThreeRowsOrMoreOfASession) {
     EXPECT_DOUBLE_EQ(at_rest.at(0)[2], reading);
 }
 
+// Rows with fx and fz, and the error of their fx.
+struct TwoAxes {
+    TwoAxes() {
+        rows.reserve(kRows);  // validation has their addresses
+        calibration.channels = {"A", "B"};
+        calibration.components = {"fx", "fz"};
+        calibration.full_scale = {2, 10};
+    }
+    void add(double fx, double fz, double error_N) {
+        rows.push_back({.line = int(rows.size()),
+                        .channel = {fx, fz},
+                        .wrench_S = {fx, kNaN, fz, kNaN, kNaN, kNaN},
+                        .session = 0,
+                        .t_ns = 0});
+        Wrench estimated = rows.back().wrench_S;
+        estimated[0] += error_N;
+        validation.rows.push_back({&rows.back(), estimated});
+        validation.group.push_back(0);
+    }
+
+    static constexpr int kRows = 4000;
+    Calibration calibration;
+    std::vector<LabelledRow> rows;
+    Validation validation;
+};
+
 // One row in 125 bears a light load and is far off: too few to count among all rows, but not among the light ones.
 TEST(Uncertainty, HoldsForLightLoadsAlone) {
     std::mt19937_64 random(8);
     std::normal_distribution<double> normal(0, 1);
     std::uniform_real_distribution<double> uniform(0, 1);
-    Calibration calibration;
-    calibration.channels = {"A", "B"};
-    calibration.components = {"fx", "fz"};
-    calibration.full_scale = {2, 10};
-    std::vector<LabelledRow> rows;
-    rows.reserve(4000);
-    Validation validation;
-    for (int i = 0; i < 4000; ++i) {
+    TwoAxes recording;
+    for (int i = 0; i < TwoAxes::kRows; ++i) {
         const bool is_off = i % 125 == 0;
         const double fx = 4 * uniform(random) - 2, fz = is_off ? -0.1 : -10 * uniform(random);
-        rows.push_back(
-            {.line = i, .channel = {fx, fz}, .wrench_S = {fx, kNaN, fz, kNaN, kNaN, kNaN}, .session = 0, .t_ns = 0});
-        Wrench estimated = rows.back().wrench_S;
-        estimated[0] += is_off ? 0.3 : 0.02 * fz * normal(random);
-        validation.rows.push_back({&rows.back(), estimated});
-        validation.group.push_back(0);
+        recording.add(fx, fz, is_off ? 0.3 : 0.02 * fz * normal(random));
     }
-    set_uncertainty(validation, calibration, false);
-    EXPECT_GT(stated_sd(calibration, 0, {0, kNaN, -0.1, kNaN, kNaN, kNaN}), 0.3 / 2.6);  // 99 % within 2.6 sd
+    set_uncertainty(recording.validation, recording.calibration, false);
+    EXPECT_GT(stated_sd(recording.calibration, 0, {0, kNaN, -0.1, kNaN, kNaN, kNaN}), 0.3 / 2.6);  // 99 % within 2.6 sd
 }
 
 // A method that doubts a reading states no standard deviation for it, and its error there is not part of the others'.
@@ -225,26 +240,15 @@ TEST(Uncertainty, HoldsWhereOnlyTheOthersLoad) {
     std::mt19937_64 random(8);
     std::normal_distribution<double> normal(0, 1);
     std::uniform_real_distribution<double> uniform(0.5, 2);
-    Calibration calibration;
-    calibration.channels = {"A", "B"};
-    calibration.components = {"fx", "fz"};
-    calibration.full_scale = {2, 10};
-    std::vector<LabelledRow> rows;
-    rows.reserve(4000);
-    Validation validation;
-    for (int i = 0; i < 4000; ++i) {
+    TwoAxes recording;
+    for (int i = 0; i < TwoAxes::kRows; ++i) {
         const bool rests = i % 10 < 7, only_press = !rests && i % 40 == 7;
         const double fx = rests || only_press ? 0 : uniform(random), fz = only_press ? -0.5 : rests ? 0 : -10;
-        rows.push_back(
-            {.line = i, .channel = {fx, fz}, .wrench_S = {fx, kNaN, fz, kNaN, kNaN, kNaN}, .session = 0, .t_ns = 0});
-        Wrench estimated = rows.back().wrench_S;
-        estimated[0] += (rests ? 0.0005 : only_press ? 0.05 : 0.1 * fx) * normal(random);
-        validation.rows.push_back({&rows.back(), estimated});
-        validation.group.push_back(0);
+        recording.add(fx, fz, (rests ? 0.0005 : only_press ? 0.05 : 0.1 * fx) * normal(random));
     }
-    set_uncertainty(validation, calibration, false);
+    set_uncertainty(recording.validation, recording.calibration, false);
     // The tails of the quarter of the loaded rows with the smallest sd, a third of which are these.
-    EXPECT_GT(stated_sd(calibration, 0, {0, kNaN, -0.5, kNaN, kNaN, kNaN}), 0.022);
+    EXPECT_GT(stated_sd(recording.calibration, 0, {0, kNaN, -0.5, kNaN, kNaN, kNaN}), 0.022);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include "node/pipeline.hpp"
 #include "tactiled/reader.hpp"
+#include "tests/unit/node/through.hpp"
 
 namespace tactiled {
 
@@ -26,19 +27,6 @@ public:
     Route way;
 };
 
-class Constant final : public Decoupler {
-public:
-    Estimate decouple(const Reading& r) noexcept override {
-        Estimate e;
-        e.wrench_S = {r.channel[0], 0, 0, kNaN, kNaN, kNaN};
-        e.quality = TACTILED_GOOD;
-        return e;
-    }
-    std::string_view method() const noexcept override { return "constant"; }
-};
-
-// One channel as fx, with a standard deviation.
-
 class PipelineTest : public testing::Test {
 protected:
     PipelineTest() : segment_((fill_plan(), plan_)) {
@@ -53,7 +41,7 @@ protected:
             Sensor::Setup setup;
             setup.channel_of_frame = {0};
             setup.frame_channels = 1;
-            setup.decoupler = std::make_unique<Constant>();
+            setup.decoupler = std::make_unique<FirstChannel>();
             sensors_.emplace_back(std::move(setup));
         }
         pipeline_ = std::make_unique<Pipeline>(links_, sensors_, segment_, 0);

@@ -11,6 +11,7 @@
 #include "node/realtime.hpp"
 #include "tactiled/reader.hpp"
 #include "tests/unit/config/folder.hpp"
+#include "tests/unit/node/unit_calibration.hpp"
 
 namespace tactiled {
 namespace {
@@ -52,20 +53,7 @@ sensor = "left"
 x_S_in_G = [0, 0, -1]
 z_S_in_G = [1, 0, 0]
 )";
-constexpr char kCalibration[] = R"(format = 1
-model = "generic"
-method = "matrix"
-contact_model = "unknown"
-serial = "unit"
-date = "2026-01-01"
-channels = ["c1", "c2", "c3"]
-channel_unit = "N"
-zero = [0.0, 0.0, 0.0]
-components = ["fx", "fy", "fz"]
-matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-sd = [0.01, 0.01, 0.01]
-full_scale = [10.0, 10.0, 10.0]
-)";
+const std::string kCalibration = test::unit_calibration();
 constexpr char kLeft[] = "name = \"left\"\n", kFriction[] = "friction = 0.7\n";
 
 bool has(const std::string& log, const std::string& words) { return log.find(words) != std::string::npos; }

@@ -10,6 +10,7 @@
 #include "node/shared_links.hpp"
 #include "node/threads.hpp"
 #include "tactiled/reader.hpp"
+#include "tests/unit/node/through.hpp"
 
 namespace tactiled {
 namespace {
@@ -63,17 +64,6 @@ private:
     std::atomic<unsigned> readers_{0};
 };
 
-class Number final : public Decoupler {
-public:
-    Estimate decouple(const Reading& r) noexcept override {
-        Estimate e;
-        e.wrench_S = {r.channel[0], 0, 0, kNaN, kNaN, kNaN};
-        e.quality = TACTILED_GOOD;
-        return e;
-    }
-    std::string_view method() const noexcept override { return "number"; }
-};
-
 class ServeTest : public testing::Test {
 protected:
     void add_link(std::unique_ptr<Paced> driver) {
@@ -88,7 +78,7 @@ protected:
         setup.channel_of_frame = {0};
         setup.frame_channels = 1;
         setup.stream.stale_ns = stale_ms_ * kMs;
-        setup.decoupler = std::make_unique<Number>();
+        setup.decoupler = std::make_unique<FirstChannel>();
         node_.sensors.emplace_back(std::move(setup));
         tactiled_sensor entry{};
         ("s" + std::to_string(node_.plan.sensors.size())).copy(entry.name, sizeof entry.name - 1);

@@ -1,4 +1,4 @@
-// What load_node() makes of a configuration.
+// load_node() sets up sensors as their configuration says.
 #include "node/setup.hpp"
 
 #include <gtest/gtest.h>
@@ -6,6 +6,7 @@
 #include <string>
 
 #include "tests/unit/config/folder.hpp"
+#include "tests/unit/node/unit_calibration.hpp"
 
 namespace tactiled {
 namespace {
@@ -26,22 +27,11 @@ link = "line"
 model = "generic"
 calibration = "unit.toml"
 )";
-constexpr char kCalibration[] = R"(format = 1
-model = "generic"
-method = "matrix"
-channels = ["c1", "c2", "c3"]
-channel_unit = "N"
-zero = [0.0, 0.0, 0.0]
-components = ["fx", "fy", "fz"]
-matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-sd = [0.01, 0.01, 0.01]
-full_scale = [10.0, 20.0, 50.0]
-)";
 
 // Returns the result of a tare under a constant force.
 Sensor::Tare tare(const std::string& key, double fx_N, double fy_N, double fz_N) {
     const test::Folder folder;
-    (void)folder.write("unit.toml", kCalibration);
+    (void)folder.write("unit.toml", test::unit_calibration("10.0, 20.0, 50.0"));
     Problems problems;
     Node node = load_node(folder.write("tactiled.toml", kConfig + key), problems);
     EXPECT_TRUE(problems.empty()) << problems.lines().front();

@@ -5,6 +5,7 @@
 #include "tactiled/reader.hpp"
 #include "tests/unit/config/folder.hpp"
 #include "tests/unit/node/segment_fixture.hpp"
+#include "tests/unit/node/unit_calibration.hpp"
 
 namespace tactiled {
 namespace {
@@ -15,20 +16,7 @@ using Lines = std::vector<std::string>;
 class Simulated : public SegmentTest {
 protected:
     Node load(const std::string& link) {
-        (void)folder_.write("c.toml", R"(format = 1
-model = "generic"
-method = "matrix"
-contact_model = "unknown"
-serial = "unit"
-date = "2026-01-01"
-channels = ["c1", "c2", "c3"]
-channel_unit = "N"
-zero = [0.0, 0.0, 0.0]
-components = ["fx", "fy", "fz"]
-matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-sd = [0.01, 0.01, 0.01]
-full_scale = [10.0, 10.0, 10.0]
-)");
+        (void)folder_.write("c.toml", test::unit_calibration());
         Node node = load_node(folder_.write("t.toml", "[node]\nname = '" + name_ + "'\n[[link]]\nname = 'usb0'\n" + link +
                                                           "[[sensor]]\nname = 'left'\nlink = 'usb0'\nmodel = 'generic'\n"
                                                           "calibration = 'c.toml'\n"),

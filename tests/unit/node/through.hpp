@@ -1,4 +1,4 @@
-// A model with a known force: the first three channels, unchanged. The reasons of real models are tested with them.
+// Models with a known force: channels, unchanged. The reasons of real models are tested with them.
 #pragma once
 #include <limits>
 
@@ -29,6 +29,18 @@ public:
 
 private:
     double unsure_above_;
+};
+
+// The first channel as fx, without a standard deviation.
+class FirstChannel final : public Decoupler {
+public:
+    Estimate decouple(const Reading& r) noexcept override {
+        Estimate e;
+        e.wrench_S = {r.channel[0], 0, 0, kNaN, kNaN, kNaN};
+        e.quality = TACTILED_GOOD;
+        return e;
+    }
+    std::string_view method() const noexcept override { return "first channel"; }
 };
 
 }  // namespace tactiled
