@@ -36,8 +36,10 @@ struct Fit {
     std::vector<std::vector<double>> sd_without;
     // Per channel: the residual of its prediction (Parity) that shifts some component by its sd, channel_unit; empty = 0.
     std::vector<double> parity_harmless;
-    double condition = 0;    // condition number of the scaled problem that was solved; 0 = unknown
-    std::string validation;  // groups that were held out: "leave one session out (2 sessions)" ...
+    double condition = 0;  // condition number of the scaled problem that was solved; 0 = unknown
+    // Groups that were held out: "leave one session out (2 sessions)" ...; ends with kOwnZeros if each session had its own.
+    static constexpr std::string_view kOwnZeros = ", each with its own zero";
+    std::string validation;
 };
 
 // The readings of the calibration's rows, all channels together: those with |whitening (channel - mean)| <= limit.

@@ -222,7 +222,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
             trial.calibration.channel_least[k] = std::min(trial.calibration.channel_least[k], raw.channel_least[k]);
             trial.calibration.channel_most[k] = std::max(trial.calibration.channel_most[k], raw.channel_most[k]);
         }
-        if (!trial.calibration.validation.empty()) trial.calibration.validation += ", each with its own zero";
+        if (!trial.calibration.validation.empty()) trial.calibration.validation += Calibration::kOwnZeros;
     }
 
     std::vector<Trial*> all_fitted;

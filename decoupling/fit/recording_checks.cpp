@@ -14,7 +14,6 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kFewRows = 30;  // fewer rows do not show these mistakes
 // A mark for a missing value, such as -999: at least two rows have exactly this value, and all others are further away
 // from it than they extend, with many different values.
 constexpr std::size_t kDifferent = 20;
@@ -129,7 +128,7 @@ void check_zeros(const Rows& rows, std::vector<std::string>& warnings) {
     for (const auto* row : rows)
         if (std::all_of(row->wrench_S.begin(), row->wrench_S.end(), [](double v) { return std::isnan(v) || v == 0; }))
             zero.push_back(row);
-    if (zero.size() < kFewRows || zero.size() == rows.size()) return;
+    if (zero.size() < kFewestRows || zero.size() == rows.size()) return;
     std::size_t moving = 0;
     const std::size_t n = rows.front()->channel.size();
     for (std::size_t k = 0; k < n; ++k) {
@@ -226,7 +225,7 @@ void check_unloading(const Rows& rows, std::vector<std::string>& warnings) {
 }  // namespace
 
 void check_recording(const Labelled& labelled, const Rows& rows, std::vector<std::string>& warnings) {
-    if (rows.size() < kFewRows) return;
+    if (rows.size() < kFewestRows) return;
     for (std::size_t k = 0; k < labelled.channels.size(); ++k) check_channel(labelled, rows, k, warnings);
     check_zeros(rows, warnings);
     check_sessions(labelled, rows, warnings);

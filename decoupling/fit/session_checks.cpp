@@ -12,7 +12,6 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kFewRows = 30;  // fewer rows do not show these mistakes
 constexpr double kNearUnit = 0.05, kCorrelated = 0.98;
 struct Unit {
     double factor;
@@ -50,9 +49,9 @@ Data data_of(const Rows& rows, std::size_t c) {
 void check_units(const Labelled& labelled, const std::vector<Rows>& of_session) {
     for (std::size_t s = 1; s < of_session.size(); ++s)
         for (std::size_t c = 0; c < 6; ++c) {
-            if (of_session[s - 1].size() < kFewRows || of_session[s].size() < kFewRows) continue;
+            if (of_session[s - 1].size() < kFewestRows || of_session[s].size() < kFewestRows) continue;
             const Data before = data_of(of_session[s - 1], c), here = data_of(of_session[s], c);
-            if (before.x.rows() < 3 * (before.x.cols() + 1) || here.x.rows() < Eigen::Index(kFewRows)) continue;
+            if (before.x.rows() < 3 * (before.x.cols() + 1) || here.x.rows() < Eigen::Index(kFewestRows)) continue;
             const Affine affine = affine_fit(before.x, before.y);
             if (!affine.slope.dependent.empty()) continue;
             const Eigen::VectorXd says = here.x * affine.slope.coefficient;
@@ -87,10 +86,10 @@ std::optional<double> rms_of_line(const Data& centred) {
 
 // Returns nothing where the rows are too few, or the channels do not determine the label.
 std::optional<Line> line_of(const Rows& rows, std::size_t c) {
-    if (rows.size() < kFewRows) return std::nullopt;
+    if (rows.size() < kFewestRows) return std::nullopt;
     Line line{.data = data_of(rows, c)};
     Data& data = line.data;
-    if (data.x.rows() < std::max<Eigen::Index>(kFewRows, 3 * (data.x.cols() + 1))) return std::nullopt;
+    if (data.x.rows() < std::max<Eigen::Index>(kFewestRows, 3 * (data.x.cols() + 1))) return std::nullopt;
     data.x.rowwise() -= Eigen::RowVectorXd(data.x.colwise().mean());
     data.y.array() -= data.y.mean();
     const std::optional<double> rms = rms_of_line(data);

@@ -103,7 +103,7 @@ int decouple(const Settings& settings) {
     std::error_code none;
     if (settings.in != "-" && settings.out != "-" && std::filesystem::equivalent(settings.in, settings.out, none))
         throw SetupError(settings.out + ": is the input too; it would be overwritten before it is read");
-    if (settings.tare_s == 0 && calibration.validation.ends_with("each with its own zero"))
+    if (settings.tare_s == 0 && calibration.validation.ends_with(Calibration::kOwnZeros))
         fmt::print(stderr,
                    "warning: {} holds after a tare, because each of its sessions had its own zero: begin the file without "
                    "a load, and use --tare-s\n",

@@ -11,8 +11,10 @@
 
 #include <fmt/format.h>
 
+#include <chrono>
 #include <fstream>
 #include <functional>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -122,6 +124,20 @@ TEST_F(Slave, ARtuUnitIsAskedForAnotherLengthFirstAndThenRead) {
     EXPECT_EQ(frame_.channel[1], 6);
     EXPECT_EQ(request(), ask(10, 2));  // no longer in doubt
     EXPECT_EQ(count(TACTILED_LINK_BUS_ERROR), 0u);
+}
+
+// The answer, or the thread: the driver cannot tell.
+TEST_F(Slave, AnAnswerThatTakesLongHasTheTimeFromWhichItMayBe) {
+    open_pty("timeout_ms = 2000", "[[slave]]\nunit = 1\n" + kValues);
+    request();
+    send(one(77));
+    EXPECT_EQ(request(), ask(10, 2));
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    send(two(5, 6));
+    ASSERT_EQ(read(), Status::frame);
+    ASSERT_NE(frame_.since_ns, 0u);
+    EXPECT_GE(frame_.taken_ns - frame_.since_ns, 150'000'000u);  // the bytes of both need less than 50 ms
+    EXPECT_EQ(frame_.t_ns, frame_.taken_ns);
 }
 
 TEST_F(Slave, ALateRtuAnswerIsNeverTakenForANewOne) {
