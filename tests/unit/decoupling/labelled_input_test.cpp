@@ -174,6 +174,8 @@ TEST(Input, MarksForMissingLabelsAreRefused) {
     EXPECT_EQ(refusal(far, by("matrix")), "");
     far.rows[90].channel = labelled.rows[90].channel;
     EXPECT_NE(refusal(far, by("matrix")).find("-99 there and in 1 other rows"), std::string::npos);
+    for (const std::size_t i : {40u, 90u}) far.rows[i].channel = {labelled.rows[i].channel[0], -9800, 9800};
+    EXPECT_NE(refusal(far, by("matrix")).find("a mark for a missing value"), std::string::npos);
     Labelled both = labelled;
     for (const std::size_t i : {40u, 90u}) both.rows[i].wrench_S[2] = both.rows[i].channel[1] = -999;
     EXPECT_NE(refusal(both, by("matrix")).find("fz_N is -999 there"), std::string::npos);

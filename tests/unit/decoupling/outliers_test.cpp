@@ -181,6 +181,17 @@ TEST(Outliers, RoundedLabelsAreNoMistakes) {
     EXPECT_TRUE(fit(labelled, by("matrix")).suspects.empty());
 }
 
+// A weight that rested on something: its error is less than half of the smallest step of the weights.
+TEST(Outliers, WeightsAreNotRoundedLabels) {
+    Labelled labelled = Cell(5).recording(1, 4, 0, 1e-4);
+    for (auto& each : labelled.rows)
+        for (std::size_t c = 0; c < 3; ++c) each.wrench_S[c] = 10 * std::round(each.wrench_S[c] / 10);
+    LabelledRow& row = labelled.rows[82];
+    ASSERT_EQ(row.wrench_S[2], -40);
+    for (double& channel : row.channel) channel *= 0.9;
+    EXPECT_EQ(lines_of(fit(labelled, by("matrix"))), (std::set<std::int64_t>{row.line}));
+}
+
 // A mistyped load that is kept, because it is at the end of the range, does not hide another one.
 TEST(Outliers, AKeptLoadDoesNotHideOthers) {
     for (const double greatest : {70.0, 82.0, 90.0}) {
