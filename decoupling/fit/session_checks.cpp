@@ -44,6 +44,9 @@ Data data_of(const Rows& rows, std::size_t c) {
     return data;
 }
 
+// The range of the first channel.
+double width(const Data& data) { return data.x.col(0).maxCoeff() - data.x.col(0).minCoeff(); }
+
 // A session whose labels are in another unit than those of the session before, or have another sign: the straight line
 // of one session predicts the other but for this factor.
 void check_units(const Labelled& labelled, const std::vector<Rows>& of_session) {
@@ -64,9 +67,11 @@ void check_units(const Labelled& labelled, const std::vector<Rows>& of_session) 
                     if (std::abs(ratio / unit.factor - 1) < kNearUnit)
                         throw Undetermined(
                             fmt::format("{} of session \"{}\" (from {}:{} on) is {:.3g} times that of session \"{}\" for "
-                                        "the same readings: {}",
+                                        "the same readings: {}. Or are its channels in another unit? {} extends over "
+                                        "{:.3g} there and over {:.3g} in session \"{}\"",
                                         label_column(c), labelled.sessions[s], labelled.name, of_session[s].front()->line,
-                                        factor, labelled.sessions[s - 1], unit.remark));
+                                        factor, labelled.sessions[s - 1], unit.remark, labelled.channels.front(),
+                                        width(here), width(before), labelled.sessions[s - 1]));
         }
 }
 
@@ -120,7 +125,6 @@ void check_agreement(const Labelled& labelled, const std::vector<Rows>& of_sessi
             const std::optional<double> rms = rms_of_line(both);
             if (!rms || !(*rms > kContradicts * rms_of(both.y)) || !(*rms > kTimesAlone * std::max(first->rms, line->rms)))
                 continue;
-            const auto width = [](const Line& of) { return of.data.x.col(0).maxCoeff() - of.data.x.col(0).minCoeff(); };
             const std::string& name = labelled.sessions[of_first];
             const std::string text = fmt::format(
                 "{} of session \"{}\" (from {}:{} on) contradicts that of session \"{}\": a straight line errs by {:.2g} "
@@ -129,7 +133,8 @@ void check_agreement(const Labelled& labelled, const std::vector<Rows>& of_sessi
                 "and over {:.3g} in session \"{}\". Calibrate sessions that agree: --session {}",
                 label_column(c), labelled.sessions[s], labelled.name, of_session[s].front()->line, name,
                 100 * line->rms / full_scale[c], 100 * first->rms / full_scale[c], 100 * *rms / full_scale[c],
-                labelled.channels.front(), width(*line), width(*first), name, labelled.sessions.size() == 2 ? name : "A,B");
+                labelled.channels.front(), width(line->data), width(first->data), name,
+                labelled.sessions.size() == 2 ? name : "A,B");
             if (*rms > kRefused * rms_of(both.y)) throw Undetermined(text);
             warnings.push_back(text);
             return;
