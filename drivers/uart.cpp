@@ -55,6 +55,7 @@ public:
         assert(decoder_ != nullptr);
         close();
         std::string why;
+        empty_ns_ = with_suspend_ns();
         fd_ = network_ ? open_tcp(address_, path_, kConnectMs, why)
                        : open_tty(path_, {.baud = baud_, .answers = !decoder_->start_bytes().empty()}, why);
         if (fd_ < 0) return why;
@@ -65,7 +66,10 @@ public:
         if (!ask_for_stream(!network_)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
         if (!tty_overruns(fd_, overruns_at_open_)) overruns_at_open_ = 0;
         overruns_before_ = counts[TACTILED_LINK_OVERRUN];
-        empty_ns_ = with_suspend_ns();
+        // Bytes that wait already came at an unknown time since the link was connected or flushed: this thread may have had
+        // no time to run.
+        const std::uint64_t looks_ns = with_suspend_ns();
+        if (waiting_bytes() == 0) empty_ns_ = looks_ns;
         return "";
     }
 
@@ -155,6 +159,7 @@ private:
             const std::uint64_t sent_ms = 10 * 1000 * decoder_->stop_bytes().size() / baud_;
             const timespec pause{0, long(std::min<std::uint64_t>(sent_ms + kStopMs, 900)) * 1'000'000};
             ::clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, nullptr);
+            empty_ns_ = with_suspend_ns();
             if (!flush_tty(fd_)) return false;  // discards the bytes sent until it stopped
         }
         return tell(decoder_->start_bytes());
@@ -164,12 +169,16 @@ private:
     // buffers (the lower buffers of a tty, the other end of a connection whose window was closed), so only a new
     // opening separates old bytes from new ones.
     Status too_old(std::size_t size) noexcept {
-        int more = 0;
-        if (::ioctl(fd_, FIONREAD, &more) != 0) more = 0;
-        counts[TACTILED_LINK_BYTES] += std::uint32_t(size) + std::uint32_t(more);
-        counts[TACTILED_LINK_SKIPPED] += std::uint32_t(size) + std::uint32_t(more);
+        const std::uint32_t lost = std::uint32_t(size) + waiting_bytes();
+        counts[TACTILED_LINK_BYTES] += lost;
+        counts[TACTILED_LINK_SKIPPED] += lost;
         decoder_->reset();
         return Status::disconnected;
+    }
+
+    std::uint32_t waiting_bytes() const noexcept {
+        int size = 0;
+        return ::ioctl(fd_, FIONREAD, &size) == 0 ? std::uint32_t(size) : 0;
     }
 
     bool tell(std::span<const std::uint8_t> bytes) noexcept {

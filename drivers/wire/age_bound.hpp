@@ -21,19 +21,23 @@ namespace tactiled {
 class AgeBound {
 public:
     struct Limits {
-        double max_drift = 200e-6;  // drift of the two clocks against each other: two crystals of 100 ppm
-        double wander = 40e-6;      // change of the drift within minutes, by temperature
-        double wrap_ns = 0;         // the device's clock starts again from 0 after this time; 0 = never
-        double held_share = 0.125;  // share of the uncertainty by which the reference rises during a lag
-        double excess = 0.05;       // largest part by which a clock runs too fast; x that falls faster is the end of a lag
+        double max_drift = 200e-6;   // drift of the two clocks against each other: two crystals of 100 ppm
+        double wander = 40e-6;       // change of the drift within minutes, by temperature
+        double wrap_ns = 0;          // the device's clock starts again from 0 after this time; 0 = never
+        double held_share = 0.125;   // share of the uncertainty by which the reference rises during a lag
+        double excess = 0.05;        // largest part by which a clock runs too fast; x that falls faster is the end of a lag
+        bool begins_at_zero = true;  // when the device restarts
     };
+
+    // The device has measured a frame after the one before it, or it is an old one that has come before.
+    enum class Origin : std::uint8_t { unknown, is_new, is_old };
 
     AgeBound() : AgeBound(Limits()) {}
     explicit AgeBound(const Limits& limits) : limits_(limits), uncertainty_(limits.max_drift) {}
 
     // Returns the lateness in ns of a frame that was measured at `device_ns` and had arrived by `host_ns`. Host times
     // must not decrease. rt: bounded by the number of windows, 90, once in each window; else wait-free
-    [[nodiscard]] double late_ns(std::uint64_t host_ns, std::uint64_t device_ns) noexcept {
+    [[nodiscard]] double late_ns(std::uint64_t host_ns, std::uint64_t device_ns, Origin origin = Origin::unknown) noexcept {
         if (!started_) {
             started_ = true;
             host_ns_ = host_ns;
@@ -68,6 +72,11 @@ public:
                 late_before_back_ = x_ - reference_ + std::max(step - ahead_ns_, 0.0);
             }
             back_ns_ = step - ahead;
+            const bool has_begun = limits_.begins_at_zero && double(device_ns) < step + kBegun_ns;
+            may_be_old_ = !has_begun && origin != Origin::is_new;
+            set_back_after_ns_ = !may_be_old_               ? kSetBack_ns
+                                 : origin == Origin::is_old ? 1e300
+                                                            : std::clamp(kLonger * -ahead, kSetBack_ns, kReplay_ns);
             back_silence_ns_ = step;
             back_since_ = t_;
             min_since_back_ = first_since_back_ = x_ + back_ns_ - slope_ * t_;
@@ -78,7 +87,7 @@ public:
         if (back_ns_ > 0 && x_ - before_back_ < (first_since_back_ + slope_ * t_ - before_back_) / 2)
             back_ns_ = 0;  // a frame that was overtaken comes alone
         advance(step);
-        if (back_ns_ > 0 && t_ - back_since_ > kSetBack_ns) accept_set_back();
+        if (back_ns_ > 0 && t_ - back_since_ > set_back_after_ns_) accept_set_back();
         return x_ - reference_;
     }
 
@@ -102,8 +111,12 @@ public:
     // Host time less the device's time, since the first frame. rt: wait-free
     [[nodiscard]] double offset_ns() const noexcept { return x_; }
 
+    // The device's clock has gone back, and it is not known yet whether it was set back. rt: wait-free
+    [[nodiscard]] bool has_gone_back() const noexcept { return back_ns_ > 0; }
     // How often the device's clock was set back, and has stayed so.
     [[nodiscard]] unsigned set_back() const noexcept { return set_back_; }
+    // It was not known whether the frames since then were old ones that came again.
+    [[nodiscard]] bool has_gone_far_back() const noexcept { return may_be_old_; }
     // The silence before the frame that showed it first, in which a lag may have begun that no clock shows.
     [[nodiscard]] double silence_before_set_back_ns() const noexcept { return back_silence_ns_; }
     // The last frame is the first one after a known period of the clock, which had been learned from an earlier end.
@@ -139,7 +152,10 @@ private:
     static constexpr double kFalling_ns = 50e6, kMaxFalling_ns = 100e6;
     // A clock is not set eight times within minutes.
     static constexpr double kMaxJumps = 8, kJumpsForgotten = 1 / 60e9, kOneJump_ns = 0.5e9;
-    static constexpr double kSetBack_ns = 2e9;  // a clock that has gone back and stays so for this time was set back
+    // A clock that has gone back was set back, if it stays so for longer than it went back: else old frames come again, once
+    // or in a ring. Nobody keeps more than a minute of them.
+    static constexpr double kSetBack_ns = 2e9, kReplay_ns = 60e9, kLonger = 1.1;
+    static constexpr double kBegun_ns = 0.5e9;             // a clock that begins again has at most this, and the silence
     static constexpr double kEarlyWrap_ns = 1073741824e3;  // 2^30 us
     static constexpr double kWrapError_ns = 50e6;          // by which two delays differ that are no lag
 
@@ -273,6 +289,8 @@ private:
     double ahead_ns_ = 0;  // last step of the device's clock
     double back_ns_ = 0;   // x rose by this because the device's clock went back; 0: it did not
     double back_silence_ns_ = 0;
+    bool may_be_old_ = false;
+    double set_back_after_ns_ = kSetBack_ns;
     double before_back_ = 0, late_before_back_ = 0, back_since_ = 0;  // x, the lateness and t_ before
     double first_since_back_ = 0, min_since_back_ = 0;                // x since then, without the drift
     double lowered_ns_ = 0;  // sum by which the reference was lowered, as far as neither drift nor jumps explain it

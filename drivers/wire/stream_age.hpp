@@ -65,9 +65,9 @@ private:
     static constexpr std::int64_t kPatience_ns = 500'000'000;  // in which a backlog may come in
     static constexpr double kMaxWait_ns = 5e9;
     static constexpr double kMinClosed_ns = 200e6, kMaxClosed_ns = 2e9, kMissingFrames = 4;
-    // A clock that begins again below this is of a device that restarted.
-    static constexpr std::uint64_t kBooted_us = 30'000'000;
-    static constexpr double kBooted_ns = double(kBooted_us) * 1e3;
+    // A clock, or a counter, of a device that restarted has begun since the frame before it: it is this little ahead.
+    static constexpr double kBooted_us = 500'000, kBootedFrames = 3;
+    static constexpr double kReplay_ns = 60e9;  // nobody keeps more of the old frames
 
     // ---- clock: stream_age_clock.hpp ----
     static constexpr double kWrap_ns = 4294967296e3;  // formats send 32 bits of microseconds
@@ -76,6 +76,8 @@ private:
     static constexpr double kLeap = 8, kCountedLeap = 2;  // intervals from one frame to the next
 
     // ---- sequence: stream_age_sequence.hpp ----
+    static constexpr double kBooted_ns = 30e9;  // a number below this time is of a device that restarted, or is an old one
+    static constexpr double kCountedFrom_ns = 1e15;
     static constexpr double kCaughtUp_ns = 25e6;
     static constexpr double kMaxRateError = 0.04;  // of the rate measured at first: delays of 36 ms in 2 s, and more
     static constexpr double kLearn_ns = 2e9;
@@ -101,7 +103,7 @@ private:
     void by_clock(Frame& frame, std::uint64_t host_ns) noexcept;
     void by_sequence(Frame& frame, std::uint64_t host_ns) noexcept;
     void by_arrival(Frame& frame, std::uint64_t host_ns) noexcept;
-    void by_cable(Frame& frame) noexcept;
+    void by_cable(Frame& frame, std::uint64_t host_ns) noexcept;
     void backdate(Frame& frame, double late_ns) noexcept;
     [[nodiscard]] double range_ns(const Frame& frame) const noexcept {
         return std::ldexp(interval_ns(), frame.sequence_bits);
@@ -109,6 +111,8 @@ private:
     void learn_rate(std::uint64_t host_ns) noexcept;
     void begin_to_count() noexcept;
     [[nodiscard]] bool has_settled(double late, std::uint64_t host_ns) noexcept;
+    [[nodiscard]] bool has_begun(const Frame& frame, double silence_ns, double interval_ns) const noexcept;
+    [[nodiscard]] double frames_back(const Frame& frame) const noexcept;
     [[nodiscard]] double frames_since(const Frame& frame, double silence_ns) const noexcept;
     [[nodiscard]] double advance_of(const Frame& frame, double silence_ns) const noexcept;
     [[nodiscard]] double mean_ns() const noexcept;
@@ -157,13 +161,16 @@ private:
     bool is_no_clock_ = false;          // and it was faster still: its unit is another one
     std::uint64_t device_time_us_ = 0;  // the latest one
     double interval_us_ = 0;            // mean interval of the device's times
+    bool was_set_ = false;              // when it went back, the counter went on
 
     // The counter as a clock.
     std::uint32_t sequence_ = 0;
-    double period_ns_ = 0;      // 0: not known yet
-    double max_period_ns_ = 0;  // > 0: the device has got faster than this since
-    double counted_ = 0;        // frames since the first one
-    double learn_frames_ = 0;   // that period_ns_ is learnt from, and the host's time in which they came
+    double behind_ = 0;                  // on a cable: frames until the counter is beyond the numbers that have been
+    std::uint64_t behind_until_ns_ = 0;  // host time; and at the latest then
+    double period_ns_ = 0;               // 0: not known yet
+    double max_period_ns_ = 0;           // > 0: the device has got faster than this since
+    double counted_ = 0;                 // frames since the first one
+    double learn_frames_ = 0;            // that period_ns_ is learnt from, and the host's time in which they came
     double learned_ns_ = 0, mean_before_ns_ = 0;
     bool must_reopen_ = false;        // no number can prove the age until then
     double max_late_ns_ = 0;          // the largest lateness in this lag
@@ -221,7 +228,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
     else if (has_clock_)  // without its time for once
         frame.age = Frame::Age::unproved;
     else if (route_.path == Route::Path::direct)
-        by_cable(frame);
+        by_cable(frame, host_ns);
     else if (frame.has_sequence)
         by_sequence(frame, host_ns);
     else

@@ -4,6 +4,18 @@
 
 namespace tactiled {
 
+// The device has restarted since the frame before: its counter has begun again. `interval_ns`: of its frames, or less.
+inline bool StreamAge::has_begun(const Frame& frame, double silence_ns, double interval_ns) const noexcept {
+    return interval_ns <= 0 || frame.sequence < kBootedFrames + silence_ns / interval_ns;
+}
+
+// By how many numbers the counter has gone back since the frame before; 0: it has not.
+inline double StreamAge::frames_back(const Frame& frame) const noexcept {
+    const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;
+    const std::uint32_t back = (sequence_ - frame.sequence) & mask;
+    return frame.lost == 0 && back <= mask / 2 ? back : 0;
+}
+
 // Frames that the device has counted since the one before; 0: it has restarted. The device's rate tells how often the
 // counter has passed its end meanwhile. A counter that the decoder takes for one that has restarted, and that has not just
 // begun, has passed its end, too.
@@ -51,8 +63,12 @@ inline void StreamAge::learn_rate(std::uint64_t host_ns) noexcept {
 }
 
 inline void StreamAge::begin_to_count() noexcept {
-    bound_ = AgeBound({.max_drift = kMaxRateError, .wander = route_.clock_ppm * 0.2e-6, .held_share = 0, .excess = kFaster});
-    counted_ = 0;
+    bound_ = AgeBound({.max_drift = kMaxRateError,
+                       .wander = route_.clock_ppm * 0.2e-6,
+                       .held_share = 0,
+                       .excess = kFaster,
+                       .begins_at_zero = false});
+    counted_ = kCountedFrom_ns / period_ns_;
 }
 
 // A lag has been caught up if the frames come no longer faster than the device's rate: else the device has got faster, and
@@ -81,21 +97,29 @@ inline bool StreamAge::has_settled(double late, std::uint64_t host_ns) noexcept 
 }
 
 // The same, also where the counter has begun again or leapt without a silence: it has passed an end that the format does not
-// state, such as 99, or was damaged. The lag that there was is there still.
+// state, such as 99, or was damaged. The lag that there was is there still. Negative: old frames come again.
 inline double StreamAge::advance_of(const Frame& frame, double silence_ns) const noexcept {
     if (!has_frame_) return 0;
     const double advance = frames_since(frame, silence_ns);
-    if (advance == 1 || is_reopened_ || silence_ns > kLate_ns + period_ns_) return advance;
+    if (advance == 1) return advance;
+    if (advance == 0 && !has_begun(frame, silence_ns, interval_ns())) return -frames_back(frame);
+    if (is_reopened_ || silence_ns > kLate_ns + period_ns_) return advance;
     const double passed = period_ns_ > 0 ? silence_ns / period_ns_ : frame.sequence + 1.0;
     if (advance == 0) return std::min(frame.sequence + 1.0, std::ceil(passed + kLate_ns / std::max(period_ns_, 1.0)));
     const bool leapt = period_ns_ > 0 && late_ns_ + silence_ns - advance * period_ns_ < -2 * kLate_ns;
-    return leapt ? std::max(1.0, std::nearbyint(passed)) : advance;
+    if (!leapt) return advance;
+    return range_ns(frame) < kShortCounter_ns ? advance - std::ldexp(1.0, frame.sequence_bits)
+                                              : std::max(1.0, std::nearbyint(passed));
 }
 
 // Lateness while the rate is not known yet: a silence alone shows a lag. Returns 0 where nothing is known.
 inline double StreamAge::late_while_learning(const Frame& frame, double advance, double silence_ns,
                                              std::uint64_t host_ns) noexcept {
     const double mean = mean_ns();
+    if (advance < 0) {
+        is_unproved_ = must_reopen_ = true;
+        return 0;
+    }
     const bool is_silence = silence_ns > std::max(advance, 1.0) * std::max(3 * mean, kLate_ns);
     if (is_reopened_ || advance == 0) {
         learn_frames_ = learned_ns_ = 0;
@@ -123,8 +147,11 @@ inline double StreamAge::late_while_learning(const Frame& frame, double advance,
 
 inline double StreamAge::late_by_counter(const Frame& frame, double advance, double silence_ns,
                                          std::uint64_t host_ns) noexcept {
-    counted_ += std::max(advance, 1.0);
+    counted_ += advance < 0 ? std::max(advance, -2 * kReplay_ns / period_ns_) : std::max(advance, 1.0);
+    counted_ = std::max(counted_, 0.0);
+    const unsigned set_back_before = bound_.set_back();
     const double late = bound_.late_ns(host_ns, std::uint64_t(counted_ * period_ns_));
+    must_reopen_ = must_reopen_ || bound_.set_back() != set_back_before;  // a lag may have begun meanwhile
     if (advance != 0 && !seems_restarted(frame, late_ns_ + silence_ns - advance * period_ns_)) return late;
     // The device has restarted. A lag that there was is there still, and one may have begun in the silence.
     must_reopen_ = must_reopen_ || is_unproved_ || silence_ns > kLate_ns + period_ns_;
@@ -161,7 +188,7 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
     // The device had paused: its counter is behind as before, and the path held nothing that opening it again discarded. A
     // lag of which a part was discarded is judged by the rest of it.
     const bool had_paused = !late_is_known || late > late_ns_ - kLate_ns;
-    if (is_unproved_ && had_paused && has_discarded(late) && !has_waited(host_ns)) {
+    if (is_unproved_ && had_paused && has_discarded(late) && !has_waited(host_ns) && !bound_.has_gone_back()) {
         bound_.restart();
         bound_.end_fall();
         late = 0;

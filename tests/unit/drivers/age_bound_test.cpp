@@ -27,15 +27,15 @@ TEST(AgeBound, TheSmallestDelayIsTheReference) {
     EXPECT_NEAR(clocks.late(20), 15, 0.1);
 }
 
-TEST(AgeBound, AClockThatIsSetBackIsLateForTwoSecondsAndThenTheReferenceIsAsBefore) {
+TEST(AgeBound, AClockThatIsSetBackIsLateForLongerThanThatAndThenTheReferenceIsAsBefore) {
     Clocks clocks;
     clocks.run(1000);
     clocks.set_ms -= 5000;
     EXPECT_NEAR(clocks.late(), 5000, 1);
     EXPECT_EQ(clocks.bound.set_back(), 0u);
-    clocks.run(198);
+    clocks.run(545);
     EXPECT_GT(clocks.late(), 4990);
-    clocks.run(5);
+    clocks.run(10);
     EXPECT_EQ(clocks.bound.set_back(), 1u);
     EXPECT_NEAR(clocks.late(), 0, 1);
     EXPECT_NEAR(clocks.late(31), 30, 1);
@@ -46,7 +46,7 @@ TEST(AgeBound, ALagThatThereWasWhenAClockWasSetBackIsThereStill) {
     clocks.run(1000);
     clocks.run(100, 501);
     clocks.set_ms -= 5000;
-    clocks.run(300, 501);
+    clocks.run(600, 501);
     EXPECT_EQ(clocks.bound.set_back(), 1u);
     EXPECT_NEAR(clocks.late(501), 500, 15);
     EXPECT_NEAR(clocks.late(1, 510), 0, 15);

@@ -3,12 +3,24 @@
 #include <gtest/gtest.h>
 #include <linux/filter.h>
 #include <netinet/in.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <fmt/format.h>
 
 #include "drivers/driver.hpp"
+
+namespace {
+thread_local int starved_after_poll_ms = 0;
+}
+// Instead of the C library's. The calling thread gets no time to run after its wait.
+extern "C" int poll(pollfd* watched, nfds_t count, int timeout_ms) {
+    const timespec timeout{timeout_ms / 1000, timeout_ms % 1000 * 1'000'000};
+    const int ready = ::ppoll(watched, count, timeout_ms < 0 ? nullptr : &timeout, nullptr);
+    if (starved_after_poll_ms > 0) ::usleep(useconds_t(starved_after_poll_ms) * 1000);
+    return ready;
+}
 
 namespace tactiled {
 namespace {
@@ -98,6 +110,24 @@ TEST_F(TcpStream, WhatWaitedWhileTheReaderStoodStillGivesNoFrame) {
     EXPECT_EQ(frame.channel[0], 5);  // the first line may have lost its beginning
     ::close(device);
     ::close(again);
+}
+
+TEST_F(TcpStream, BytesThatCameWhileTheOpeningThreadHadNoTimeAreThatOld) {
+    const auto driver = make("format = \"lines\"\nchannels = 1");
+    const std::jthread device([&] {
+        const int client = ::accept(listener_, nullptr, nullptr);
+        EXPECT_EQ(::send(client, "1\n2\n", 4, 0), 4);
+        ::usleep(1'500'000);
+        ::close(client);
+    });
+    starved_after_poll_ms = 400;
+    const std::string fault = driver->open();
+    starved_after_poll_ms = 0;
+    ASSERT_EQ(fault, "");
+    Frame frame;
+    ASSERT_EQ(driver->read(frame, 50), Status::frame);
+    EXPECT_GT(frame.t_ns, frame.since_ns + 350'000'000);
+    EXPECT_GT(frame.since_ns, 0u);
 }
 
 TEST_F(TcpStream, AReaderThatWaitsInTimeReadsASlowStream) {
