@@ -55,7 +55,7 @@ Commands::Answer Commands::answer_to(const Command& command, Grasping& grasping,
             follow_tares(record, now_ns);
             if (!tares_.can_keep()) return not_stored;
             if (tares_.is_running()) return not_now;
-            tares_.begin_removal(command.mask);
+            tares_.begin_removal(command.mask, now_ns);
             return running;
         case Kind::clear_latches:
             record.clear_faults();

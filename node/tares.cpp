@@ -1,5 +1,7 @@
 #include "node/tares.hpp"
 
+#include <utility>
+
 namespace tactiled {
 namespace {
 
@@ -12,8 +14,8 @@ tactiled_command_result result_of(Sensor::Tare ended) noexcept {
     }
 }
 
-// for the file: with the longest tare, shorter than a commander waits
-constexpr std::uint64_t kPatienceNs = 2'500'000'000;
+// for the file, before and after: with the longest tare, shorter than a commander waits
+constexpr std::uint64_t kPatienceNs = 1'250'000'000;
 
 }  // namespace
 
@@ -21,26 +23,58 @@ constexpr std::uint64_t kPatienceNs = 2'500'000'000;
 bool Tares::begin(std::uint32_t mask, std::uint64_t now_ns) noexcept {
     for (std::size_t i = 0; i < sensors_.size(); ++i)
         if ((mask >> i & 1u) != 0 && !sensors_[i].can_tare()) return false;
-    for (std::size_t i = 0; i < sensors_.size(); ++i)
-        if ((mask >> i & 1u) != 0) sensors_[i].begin_tare(now_ns);
-    start(mask);
+    announce(mask, false, now_ns);
     return true;
 }
 
-void Tares::begin_removal(std::uint32_t mask) noexcept {
-    for (std::size_t i = 0; i < sensors_.size(); ++i)
-        if ((mask >> i & 1u) != 0) sensors_[i].begin_untare();
-    start(mask);
-}
+void Tares::begin_removal(std::uint32_t mask, std::uint64_t now_ns) noexcept { announce(mask, true, now_ns); }
 
-void Tares::start(std::uint32_t mask) noexcept {
-    running_ = mask;
+void Tares::announce(std::uint32_t mask, bool removes, std::uint64_t now_ns) noexcept {
+    waiting_ = mask;
+    removes_ = removes;
     result_ = TACTILED_COMMAND_OK;
     has_new_zero_ = false;
     to_keep_ = order_ = 0;
+    ended_ns_ = now_ns;
+    if (store_ == nullptr) return start(now_ns);
+    for (std::size_t i = 0; i < sensors_.size(); ++i)
+        if ((mask >> i & 1u) != 0) store_->add_change(std::uint32_t(i), sensors_[i]);
+    order_ = store_->commit();
+}
+
+// A sensor that has lost its device meanwhile fails.
+void Tares::start(std::uint64_t now_ns) noexcept {
+    running_ = std::exchange(waiting_, 0);
+    order_ = 0;
+    if (store_ != nullptr) to_keep_ = running_;
+    for (std::size_t i = 0; i < sensors_.size(); ++i) {
+        if ((running_ >> i & 1u) == 0) continue;
+        if (removes_) {
+            sensors_[i].begin_untare();
+        } else if (sensors_[i].can_tare()) {
+            sensors_[i].begin_tare(now_ns);
+        } else {
+            running_ &= ~(1u << i);
+            result_ = TACTILED_COMMAND_FAILED;
+        }
+    }
+}
+
+// Returns true if the command has ended because the file cannot be written.
+bool Tares::has_announced(std::uint64_t now_ns) noexcept {
+    const bool is_late = now_ns > ended_ns_ + kPatienceNs;
+    if (order_ != 0 && !is_late && !store_->is_done(order_)) return false;
+    if (order_ != 0 && !is_late && store_->is_usable()) {
+        start(now_ns);
+        return false;
+    }
+    waiting_ = order_ = 0;
+    result_ = TACTILED_COMMAND_NOT_STORED;
+    return true;
 }
 
 bool Tares::poll(std::uint64_t now_ns) noexcept {
+    if (waiting_ != 0) return has_announced(now_ns);
     if (running_ == 0) return to_keep_ != 0 && follow_store(now_ns);
     for (std::size_t i = 0; i < sensors_.size(); ++i) {
         if ((running_ >> i & 1u) == 0) continue;
@@ -49,7 +83,6 @@ bool Tares::poll(std::uint64_t now_ns) noexcept {
         running_ &= ~(1u << i);
         if (result_ == TACTILED_COMMAND_OK) result_ = result_of(tare);
         has_new_zero_ |= tare == Sensor::Tare::done;
-        if (tare == Sensor::Tare::done && store_ != nullptr) to_keep_ |= 1u << i;
     }
     ended_ns_ = now_ns;
     return running_ == 0 && (to_keep_ == 0 || follow_store(now_ns));

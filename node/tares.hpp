@@ -19,12 +19,12 @@ public:
     // begins. is_running() must be false. rt: bounded by the number of sensors
     [[nodiscard]] bool begin(std::uint32_t mask, std::uint64_t now_ns) noexcept;
     // Begins to remove the tare of the sensors in `mask`. is_running() must be false. rt: bounded by the number of sensors
-    void begin_removal(std::uint32_t mask) noexcept;
+    void begin_removal(std::uint32_t mask, std::uint64_t now_ns) noexcept;
     // Collects the results of the sensors. Returns true if the last sensor has finished and its zero is stored.
     // rt: bounded by the number of sensors
     [[nodiscard]] bool poll(std::uint64_t now_ns) noexcept;
 
-    [[nodiscard]] bool is_running() const noexcept { return running_ != 0 || to_keep_ != 0; }
+    [[nodiscard]] bool is_running() const noexcept { return (waiting_ | running_ | to_keep_) != 0; }
     // True if a zero can be stored for a restart.
     [[nodiscard]] bool can_keep() const noexcept { return store_ == nullptr || store_->is_usable(); }
     // Returns the first result of a sensor in the last command that is not OK, else OK.
@@ -35,15 +35,19 @@ public:
     }
 
 private:
-    void start(std::uint32_t mask) noexcept;
+    void announce(std::uint32_t mask, bool removes, std::uint64_t now_ns) noexcept;
+    void start(std::uint64_t now_ns) noexcept;
+    [[nodiscard]] bool has_announced(std::uint64_t now_ns) noexcept;
     [[nodiscard]] bool follow_store(std::uint64_t now_ns) noexcept;
 
     std::vector<Sensor>& sensors_;
     ZeroStore* store_ = nullptr;
+    std::uint32_t waiting_ = 0;   // bit n: sensor n begins once the file says that its zero changes
+    bool removes_ = false;        // of waiting_
     std::uint32_t running_ = 0;   // bit n: sensor n has not finished
-    std::uint32_t to_keep_ = 0;   // bit n: the zero of sensor n has changed and is not stored yet
+    std::uint32_t to_keep_ = 0;   // bit n: the zero of sensor n may have changed and is not stored yet
     std::uint32_t order_ = 0;     // number of the order in the store; 0 = not given yet
-    std::uint64_t ended_ns_ = 0;  // time at which the last sensor finished
+    std::uint64_t ended_ns_ = 0;  // time at which the last sensor finished, or of waiting_ the order was given
     tactiled_command_result result_ = TACTILED_COMMAND_OK;
     bool has_new_zero_ = false;  // a sensor of the last command has finished with success
 };

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <boost/crc.hpp>
 #include <cerrno>
 #include <chrono>
 #include <cstdlib>
@@ -20,7 +21,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::int64_t kFormat = 1;
+constexpr std::int64_t kFormat = 2;
 constexpr std::size_t kMaxBytes = 1 << 20, kMaxKept = 256;
 constexpr std::uint64_t kLookNs = 10'000'000;      // between two checks for an order
 constexpr std::uint64_t kRetryNs = 1'000'000'000;  // after a write that failed
@@ -29,6 +30,14 @@ constexpr char kInstalled[] = "/var/lib/tactiled";
 std::string variable(const char* name) {
     const char* const value = std::getenv(name);
     return value != nullptr ? value : "";
+}
+
+// CRC-32 of what follows the line "crc32 = …" in a file of zeros.
+std::int64_t crc32_of(std::string_view file) {
+    const std::size_t key = file.find("\ncrc32 = "), end = key == file.npos ? key : file.find('\n', key + 1);
+    boost::crc_32_type crc;
+    if (end != file.npos) crc.process_bytes(file.data() + end, file.size() - end);
+    return std::int64_t(crc.checksum());
 }
 
 std::string now_text() {
@@ -70,12 +79,16 @@ ZeroStore::~ZeroStore() {
 
 // A file that cannot be read may contain any tare, so every sensor may have lost one.
 void ZeroStore::load() {
-    if (path_.empty() || (::access(path_.c_str(), F_OK) != 0 && errno == ENOENT)) return;
+    std::error_code ignored;  // a link to nothing is there, and cannot be read
+    if (path_.empty() || std::filesystem::symlink_status(path_, ignored).type() == std::filesystem::file_type::not_found)
+        return;
     Problems problems;
     if (const auto bytes = read_text_file(path_, kMaxBytes, problems)) {
         Options file = Options::parse_text(*bytes, path_, problems);
         if (problems.empty() && file.integer("format", {1, 1e9}) != kFormat)
             file.problem("format", fmt::format("this tactiled reads format = {}", kFormat));
+        if (problems.empty() && file.integer("crc32", {0, double(UINT32_MAX)}) != crc32_of(*bytes))
+            file.problem("crc32", "the file is damaged: its contents do not match this number");
         for (auto& table : file.tables("sensor", kMaxKept)) {
             Kept kept;
             kept.sensor = table.text("name");
@@ -141,12 +154,16 @@ void ZeroStore::replace_owner(std::size_t index, ZeroOwner owner) {
 
 // ---- the pipeline's side -----------------------------------------------------------------------------------------------
 
-void ZeroStore::add(std::uint32_t sensor, const Sensor& of) noexcept {
+void ZeroStore::add(std::uint32_t sensor, const Sensor& of) noexcept { add(sensor, of, of.tared_zero()); }
+
+void ZeroStore::add_change(std::uint32_t sensor, const Sensor& of) noexcept { add(sensor, of, {1, ~0u, {}}); }
+
+void ZeroStore::add(std::uint32_t sensor, const Sensor& of, const TaredZero& zero) noexcept {
     if (of.has_lost_zero()) return;  // a reload has exchanged the sensor: the file keeps the entry that it was tared
     Order* const order = orders_.claim();
     refused_ |= order == nullptr;
     if (order == nullptr) return;
-    *order = {number_ + 1, sensor, of.zero_id(), of.tared_zero()};
+    *order = {number_ + 1, sensor, of.zero_id(), zero};
     orders_.push();
 }
 
@@ -204,10 +221,9 @@ ZeroStore::Kept* ZeroStore::find(const std::string& sensor) {
 }
 
 std::string ZeroStore::text() const {
-    std::string out = fmt::format(
-        "# The zeros of tares, restored when the daemon starts. Written by tactiled; N and Nm in the sensor's frame S.\n"
-        "format = {}\nsensors = {}\n",
-        kFormat, kept_.size());
+    const std::string head =
+        "# The zeros of tares, restored when the daemon starts. Written by tactiled; N and Nm in the sensor's frame S.\n";
+    std::string out = fmt::format("\nformat = {}\nsensors = {}\n", kFormat, kept_.size());
     for (const Kept& kept : kept_) {
         out += fmt::format("\n[[sensor]]\nname = {}\nserial = {}\ncalibration_id = {}\ntime = {}\ntare_count = {}\n",
                            toml_text(kept.sensor), toml_text(kept.serial), kept.id, toml_text(kept.time), kept.tare_count);
@@ -218,7 +234,8 @@ std::string ZeroStore::text() const {
                 fmt::format("[[sensor.zero]]\nmethod = {}\nwrench_S = [{}]\n", toml_text(method), fmt::join(numbers, ", "));
         }
     }
-    return out;
+    const std::string line = "crc32 = ";
+    return fmt::format("{}{}{}{}", head, line, crc32_of(head + line + out), out);
 }
 
 void ZeroStore::write() noexcept try {

@@ -1,8 +1,9 @@
 // The zeros of tares, stored in a file for restarts of the daemon.
 //
-// A tare is acknowledged once its zero is in the file, so that a restart at any moment finds either the zero of an
-// acknowledged tare or the one before. While the file cannot be written, tares are refused. A zero is restored for the same
-// sensor with the same calibration, serial, channels and method. Otherwise the sensor knows that its tare is lost.
+// Before a tare, or its removal, begins, the file says that the zero changes; it is acknowledged once the new zero is in the
+// file. A restart in between finds no known zero. While the file cannot be written, tares are refused. A zero is restored
+// for the same sensor with the same calibration, serial, channels and method. Otherwise the sensor knows that its tare is
+// lost.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -50,6 +51,8 @@ public:
     [[nodiscard]] bool is_usable() const noexcept { return usable_.load(std::memory_order_acquire); }
     // Adds the present zero of a sensor to the next file; at most kMaxSensors before commit(). rt: wait-free
     void add(std::uint32_t sensor, const Sensor& of) noexcept;
+    // The same for a zero that is about to change. rt: wait-free
+    void add_change(std::uint32_t sensor, const Sensor& of) noexcept;
     // Orders the added zeros to be written. Returns the number of this order, 0 if it cannot be taken. rt: wait-free
     [[nodiscard]] std::uint32_t commit() noexcept;
     // Returns true if order `number` was written or has failed; is_usable() says which. rt: wait-free
@@ -67,6 +70,7 @@ private:
         std::uint32_t id = 0, tare_count = 0;
         std::map<std::string, Wrench> of_method;  // the known zeros
     };
+    void add(std::uint32_t sensor, const Sensor& of, const TaredZero& zero) noexcept;
     void load();
     void serve() noexcept;
     void take(const Order& order);

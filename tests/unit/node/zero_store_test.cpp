@@ -170,11 +170,48 @@ TEST_F(ZeroStoreTest, ADamagedFileMayHaveHeldAnyTare) {
     run_and_tare();
     for (const std::string& damaged :
          {std::string("format = 1\n[[sensor]]\nname = \"left\"\n"), text().substr(0, text().size() / 2),
-          std::string("format = 2\n"), std::string("\0\1\2", 3)}) {
+          std::string("format = 3\n"), std::string("\0\1\2", 3)}) {
         write(damaged);
         expect_lost(after(owner()));
         expect_lost(after(owner()));  // the file was written again, and still contains it
     }
+}
+
+TEST_F(ZeroStoreTest, ADamagedBitOrACharacterTooFewIsFound) {
+    run_and_tare();
+    const std::string good = text();
+    for (std::size_t i = good.find('\n'); i < good.size(); i += 3) {
+        for (const bool removes : {false, true}) {
+            std::string damaged = good;
+            if (removes)
+                damaged.erase(i, 1);
+            else
+                damaged[i] = char(damaged[i] ^ 1 << i % 7);
+            write(damaged);
+            expect_lost(after(owner()));
+        }
+    }
+    write("# no tare\nformat = 2\nsensors = 0\n");
+    expect_lost(after(owner()));
+}
+
+TEST_F(ZeroStoreTest, ALinkToNothingMayHaveLedToAnyTare) {
+    std::filesystem::create_directories(folder_ + "/of");
+    std::filesystem::create_symlink(folder_ + "/nothing", path_);
+    expect_lost(after(owner()));
+}
+
+TEST_F(ZeroStoreTest, AZeroThatWasAboutToChangeIsNotKnownAfterARestart) {
+    run_and_tare();
+    {
+        ZeroStore store(path_, {owner()});
+        auto next = sensors();
+        store.restore(next);
+        store.add_change(0, next[0]);
+        const std::uint32_t number = store.commit();
+        for (int i = 0; i < 1000 && !store.is_done(number); ++i) ::usleep(5000);
+    }
+    expect_lost(after(owner()));
 }
 
 TEST_F(ZeroStoreTest, AFileThatCannotBeReadOrWrittenLeavesTheStoreUnusable) {
