@@ -11,9 +11,10 @@ stage packages
 # Root has /run/tactiled and a session $XDG_RUNTIME_DIR; where there is neither, a folder that only this user can write to.
 [ "$(id -u)" = 0 ] || [ -n "${XDG_RUNTIME_DIR:-}" ] || { mkdir -p build; export TACTILED_RUNTIME_DIR=$PWD/build/run; }
 build() { # preset targets...
-    local preset=$1; shift
+    local preset=$1 numbers=; shift
     stage "building in build/$preset: $*"
-    cmake --preset "$preset" -DTACTILED_TESTS=ON -DTACTILED_SANITIZE_NUMBERS=OFF >/dev/null  # run.sh may have configured it without
+    [ "$preset" = release ] || numbers=$PWD/build/release
+    cmake --preset "$preset" -DTACTILED_TESTS=ON -DTACTILED_NUMBERS_FROM="$numbers" >/dev/null
     # chrt --idle: a compiler runs where a test beside it leaves the processor free.
     chrt --idle 0 cmake --build --preset "$preset" -j "$jobs" --target "$@"
 }

@@ -51,6 +51,7 @@ struct Errors {
 struct Traced {
     std::uint64_t t_ns;
     float error, sd, late;   // late: the part of latency in sd
+    bool is_settled;         // no component of the load moved while the channels were measured
     float load, below_peak;  // the estimate less the tare: relative to full scale, and below its peak since the last rest
 };
 
@@ -140,6 +141,13 @@ private:
         }
         return {min, max};
     }
+    [[nodiscard]] bool is_settled(const Labelled& rows, std::size_t i) const {
+        for (const std::string& name : candidate_.calibration.components) {
+            const auto [min, max] = lately(rows, i, component_index(name));
+            if (min != max) return false;
+        }
+        return true;
+    }
     // The change of a component of the load over the delay before row i, between two rows by a straight line.
     [[nodiscard]] double true_change(const Labelled& rows, std::size_t i, std::size_t c) const {
         const double at_ns = double(rows.rows[i].t_ns) - 1e9 * delay_s_[c], now = rows.rows[i].wrench_S[c];
@@ -160,10 +168,9 @@ private:
                                             std::size_t i) const {
         const Calibration& calibration = candidate_.calibration;
         bool is_beyond = false;
+        if (!is_settled(rows, i)) return 0;
         for (std::size_t k = 0; k < calibration.components.size(); ++k) {
             const std::size_t c = component_index(calibration.components[k]);
-            const auto [min, max] = lately(rows, i, c);
-            if (min != max) return 0;
             is_beyond = is_beyond || std::abs(e.wrench_S[c]) > (1 + kDomainMargin) * calibration.full_scale[k];
         }
         for (std::size_t k = 0; k < reading.channel.size(); ++k)
@@ -187,6 +194,7 @@ private:
         if (e.quality != TACTILED_GOOD) return;
         ++shares_.good;
         bool undetected = false, wrong = false, undetected_by_oracle = false;
+        const bool settled = is_traced_ && is_settled(rows, i);
         for (const std::string& name : candidate_.calibration.components) {
             const std::size_t c = component_index(name);
             const double error = e.wrench_S[c] - zero_[c] - row.wrench_S[c];
@@ -210,7 +218,7 @@ private:
             add_terms(e, c);
             if (is_traced_)
                 traced_[c].push_back({row.t_ns, float(error), float(e.sd[c]),
-                                      float(std::sqrt(std::max(0.0, e.sd[c] * e.sd[c] - before_[c] * before_[c]))),
+                                      float(std::sqrt(std::max(0.0, e.sd[c] * e.sd[c] - before_[c] * before_[c]))), settled,
                                       float(load_), float(below_peak_)});
             errors_[c].squares += error * error;
         }

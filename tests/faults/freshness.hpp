@@ -87,6 +87,7 @@ public:
     double rate_factor = 1;       // the device is this much faster than at first
     double clock_fast = 0;        // the device's clock is this much faster than at first
     double clock_jump_us = 0;     // added to the device's clock once
+    std::size_t repeats = 0;      // > 0: instead of new frames the last so many come again and again
     bool retains = false;         // a server sends the last frame to each new connection first
     double buffer_frames = 1e9;   // frames that a path can hold; it drops the newest ones
     Closed when_closed = Closed::discards;
@@ -219,8 +220,18 @@ private:
         if (stream_.counter_period > 0) number = sequence_ % stream_.counter_period;
         Sent sent{now_s_, arrives, number, std::uint64_t(double(clock) * stream_.clock_step_us)};
         if (double(way_.size()) >= buffer_frames) return;
-        past_.push_back(sent);
-        if (past_.size() > 200) past_.pop_front();
+        if (repeats == 0) {
+            past_.push_back(sent);
+            if (past_.size() > kPast) past_.pop_front();
+            ring_at_ = past_.size();
+        } else {
+            if (ring_at_ == past_.size()) ring_at_ -= std::min(repeats, past_.size());
+            sent = past_[ring_at_++];
+            sent.arrives_s = arrives;
+            sent.is_retained = true;
+            way_.push_back(sent);
+            return;
+        }
         if (forwards_old && past_.size() > 100) {  // its number is new, what it carries is not
             const Sent& old = past_[past_.size() - 100];
             sent.measured_s = old.measured_s;
@@ -313,7 +324,9 @@ private:
     LinkCounts counts_;
     AsciiDecoder lines_;
     CobsDecoder cobs_;
+    static constexpr std::size_t kPast = 2000;
     std::deque<Sent> way_, past_;
+    std::size_t ring_at_ = 0;
 };
 
 }  // namespace tactiled::faults

@@ -108,6 +108,24 @@ void down_on_a_busy_machine(FreshnessRun& run, std::mt19937_64& random) {
     run.run_s(30);
 }
 
+void of_lines(Stream& stream, std::mt19937_64&) {
+    stream.format = Stream::Format::lines;
+    stream.counter_bits = 32;
+}
+
+// A relay sends its last frames again once, or until the device comes back; or that is the end of the device's program, and
+// its converter's memory is sent in a ring.
+void old_frames_again(FreshnessRun& run, std::mt19937_64& random, double rounds) {
+    run.run_s(between(random, 0.5, 20));
+    const double s = std::pow(10, between(random, -0.7, 1.2));
+    run.repeats = std::max(std::size_t(s * run.rate_Hz()), std::size_t{20});
+    run.run_s(std::max(double(run.repeats) / run.rate_Hz() * rounds, rounds > 1 ? 20.0 : 0.0));
+    run.repeats = 0;
+    run.run_s(60);
+}
+void old_frames_once(FreshnessRun& run, std::mt19937_64& random) { old_frames_again(run, random, 1); }
+void old_frames_in_a_ring(FreshnessRun& run, std::mt19937_64& random) { old_frames_again(run, random, 5); }
+
 void doubled(FreshnessRun& run, std::mt19937_64& random) {
     run.copies_late_s = 1e-9;
     run.run_s(10);
@@ -134,6 +152,8 @@ const std::vector<Kind> kOddKinds = {
     {"a lag on a busy machine from the start", lag_on_a_busy_machine, kByClocks, 0, true, 0, longer_counter},
     {"a link is down on a busy machine", down_on_a_busy_machine, kByCounters, 0, false, 0, longer_counter},
     {"a link is down on a busy machine from the start", down_on_a_busy_machine, kByCounters, 0, true, 0, longer_counter},
+    {"old frames come again, once", old_frames_once, kByCounters, 0, false, 0, of_lines},
+    {"old frames come again in a ring", old_frames_in_a_ring, kByCounters, 0, false, 0, of_lines},
     {"each frame is sent twice", doubled, kByCounters}};
 
 }  // namespace tactiled::faults
