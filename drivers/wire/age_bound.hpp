@@ -153,7 +153,7 @@ private:
     // A clock is not set eight times within minutes.
     static constexpr double kMaxJumps = 8, kJumpsForgotten = 1 / 60e9, kOneJump_ns = 0.5e9;
     // A clock that has gone back was set back, if it stays so for longer than it went back: else old frames come again, once
-    // or in a ring. Nobody keeps more than a minute of them.
+    // or in a ring. A path is taken to keep at most a minute of them.
     static constexpr double kSetBack_ns = 2e9, kReplay_ns = 60e9, kLonger = 1.1;
     static constexpr double kBegun_ns = 0.5e9;             // a clock that begins again has at most this, and the silence
     static constexpr double kEarlyWrap_ns = 1073741824e3;  // 2^30 us

@@ -67,7 +67,7 @@ private:
     static constexpr double kMinClosed_ns = 200e6, kMaxClosed_ns = 2e9, kMissingFrames = 4;
     // A clock, or a counter, of a device that restarted has begun since the frame before it: it is this little ahead.
     static constexpr double kBooted_us = 500'000, kBootedFrames = 3;
-    static constexpr double kReplay_ns = 60e9;  // nobody keeps more of the old frames
+    static constexpr double kReplay_ns = 60e9;  // old frames that come again are at most this old
 
     // ---- clock: stream_age_clock.hpp ----
     static constexpr double kWrap_ns = 4294967296e3;  // formats send 32 bits of microseconds
@@ -88,7 +88,7 @@ private:
     static constexpr double kMinSettle_ns = 50e6;     // frames that were kept come faster one after the other
     static constexpr double kFallen_ns = 60e6;        // more than jitter
     static constexpr double kHiddenByRate_ns = 96e6;  // AgeBound::is_too_fast() and jitter allow a wrong rate to hide it
-    static constexpr double kShortCounter_ns = 60e9;
+    static constexpr double kShortCounter_ns = 60e9, kShortest_ns = 2e9;
 
     // The step from the frame before, by the device's clock and counter.
     struct ClockStep {

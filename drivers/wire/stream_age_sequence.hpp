@@ -102,14 +102,17 @@ inline double StreamAge::advance_of(const Frame& frame, double silence_ns) const
     if (!has_frame_) return 0;
     const double advance = frames_since(frame, silence_ns);
     if (advance == 1) return advance;
-    if (advance == 0 && !has_begun(frame, silence_ns, interval_ns())) return -frames_back(frame);
+    const bool is_long = range_ns(frame) > kShortest_ns || interval_ns() <= 0;  // else old numbers say nothing
+    if (advance == 0 && is_long && !has_begun(frame, silence_ns, interval_ns())) return -frames_back(frame);
     if (is_reopened_ || silence_ns > kLate_ns + period_ns_) return advance;
     const double passed = period_ns_ > 0 ? silence_ns / period_ns_ : frame.sequence + 1.0;
     if (advance == 0) return std::min(frame.sequence + 1.0, std::ceil(passed + kLate_ns / std::max(period_ns_, 1.0)));
     const bool leapt = period_ns_ > 0 && late_ns_ + silence_ns - advance * period_ns_ < -2 * kLate_ns;
     if (!leapt) return advance;
-    return range_ns(frame) < kShortCounter_ns ? advance - std::ldexp(1.0, frame.sequence_bits)
-                                              : std::max(1.0, std::nearbyint(passed));
+    // A short counter has gone back by the rest of its range, if that is not shorter than what a path keeps.
+    return range_ns(frame) < kShortCounter_ns && range_ns(frame) > kShortest_ns
+               ? advance - std::ldexp(1.0, frame.sequence_bits)
+               : std::max(1.0, std::nearbyint(passed));
 }
 
 // Lateness while the rate is not known yet: a silence alone shows a lag. Returns 0 where nothing is known.

@@ -57,6 +57,9 @@ std::string folder_warning(const std::string& folder, const std::string& node_na
     if (folder != TACTILED_SERVICE_FOLDER && ::lstat(first.c_str(), &other) == 0)
         return fmt::format("{} exists: readers find it first; choose another [node] name, or give them --runtime-dir {}",
                            first, folder);
+    if (struct stat own{}; ::lstat(folder.c_str(), &own) == 0 && own.st_uid != ::geteuid())
+        return fmt::format("{} belongs to user {}, who can replace the segment: readers would trust that", folder,
+                           own.st_uid);
     struct statfs system {};
     if (::statfs(folder.c_str(), &system) == 0 && system.f_type != TMPFS_MAGIC && system.f_type != RAMFS_MAGIC)
         return fmt::format(

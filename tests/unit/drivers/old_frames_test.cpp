@@ -25,7 +25,7 @@ struct Repeater {
         frame.has_sequence = has_counter;
         frame.sequence = sent.number & mask;
         frame.sequence_bits = bits;
-        // as SequenceTracker: a step ahead by less than half the range is a gap
+        // A step ahead by less than half the range is a gap, as SequenceTracker counts.
         const std::uint32_t step = (sent.number - last_number - 1) & mask;
         frame.lost = has_counter && step <= mask / 2 ? step : 0;
         last_number = sent.number;
@@ -84,7 +84,7 @@ const std::vector<Stream> kStreams = {
 TEST(StreamAge, OldFramesThatComeAgainAreNotProved) {
     for (const Stream& stream : kStreams)
         for (const int frames : {12, 20, 50, 100, 500, 1999}) {
-            if (stream.bits == 8 && frames > 128) continue;  // such a number says nothing
+            if (stream.bits == 8 && frames > 128) continue;  // The number says nothing then.
             SCOPED_TRACE(testing::Message() << stream.name << ", " << frames);
             Repeater sends(stream.route, stream.clock, stream.counter, stream.bits);
             sends.run_s(30);
@@ -98,7 +98,7 @@ TEST(StreamAge, OldFramesThatComeAgainAreNotProved) {
 TEST(StreamAge, ARingOfOldFramesIsNeverProved) {
     for (const Stream& stream : kStreams)
         for (const int frames : {20, 30, 250, 400, 3000}) {
-            if (stream.bits == 8 && frames > 128) continue;  // such a number says nothing
+            if (stream.bits == 8 && frames > 128) continue;  // The number says nothing then.
             SCOPED_TRACE(testing::Message() << stream.name << ", " << frames);
             Repeater sends(stream.route, stream.clock, stream.counter, stream.bits);
             sends.run_s(40);
