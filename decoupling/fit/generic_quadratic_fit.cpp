@@ -1,27 +1,21 @@
-// Model "generic", method "quadratic": least squares of all products of two channels. A ridge, or no
-// correction at all, is taken if its error on stretches of rows that are left out is smaller: products that repeat each
-// other fit noise.
+// Model "generic", method "quadratic": least squares of all products of two channels. The ridge of each component, or no
+// correction at all, is that with the smallest error on sessions or stretches of rows that are left out: products of
+// channels that nearly repeat each other fit noise, and differ in the next session.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "decoupling/fit/corrections.hpp"
+#include "decoupling/fit/held_out_ridge.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
 namespace {
 
-constexpr Eigen::Index kParts = 5;  // stretches of time, as in the validation
-// The first stands for the exact solution, the last one is followed by no correction. Features have a mean square of 1.
-constexpr std::array kRidges{1e-10, 1e-8, 1e-6, 1e-4, 1e-2};
-// Errors on the rows left out: of any correction relative to none, of a ridge relative to the exact solution. A smaller
-// gain may be chance, and outside these rows the correction may do harm.
-constexpr double kWorth = 0.95, kRidgeWorth = 0.8;
-// Or the exact solution lowers the squared error on its own rows to this: noise is lowered by a third at most, because
-// there are kRowsPerCoefficient rows.
-constexpr double kExplains = 0.5;
+// Features have a mean square of 1. With less than the first, products of combinations of channels that show only noise
+// would count.
+constexpr std::array kRidges{1e-10, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1};
 constexpr Eigen::Index kChunk = 2048;  // rows whose features are in memory at a time
 
 // Calls f(first row, features) for each chunk of the rows begin .. end.
@@ -30,51 +24,23 @@ void for_each_chunk(const Eigen::MatrixXd& u, Eigen::Index begin, Eigen::Index e
     for (; begin < end; begin += kChunk) f(begin, quadratic_features(u.middleRows(begin, std::min(kChunk, end - begin))));
 }
 
-// Returns for each component the index of its ridge, 0: exact, kRidges.size(): no correction.
-std::vector<std::size_t> search(const Scaled& scaled, Eigen::Index n_features) {
-    const Eigen::MatrixXd y = units_left(scaled);
-    const auto begin_of = [&](Eigen::Index part) { return part * y.rows() / kParts; };
-    std::vector<Eigen::MatrixXd> gram, feature_y;
-    Eigen::MatrixXd all = Eigen::MatrixXd::Zero(n_features, n_features), all_y = Eigen::MatrixXd::Zero(n_features, y.cols());
-    for (Eigen::Index part = 0; part < kParts; ++part) {
-        gram.emplace_back(Eigen::MatrixXd::Zero(n_features, n_features));
-        feature_y.emplace_back(Eigen::MatrixXd::Zero(n_features, y.cols()));
-        for_each_chunk(scaled.u, begin_of(part), begin_of(part + 1), [&](Eigen::Index at, const Eigen::MatrixXd& features) {
-            gram.back().selfadjointView<Eigen::Lower>().rankUpdate(features.transpose());
-            feature_y.back() += features.transpose() * y.middleRows(at, features.rows());
-        });
-        all += gram.back();
-        all_y += feature_y.back();
-    }
-    Eigen::MatrixXd squares = Eigen::MatrixXd::Zero(Eigen::Index(kRidges.size()) + 1, y.cols());
-    squares.bottomRows(1) = y.colwise().squaredNorm();
-    for (Eigen::Index part = 0; part < kParts; ++part) {
-        const auto rows_seen = double(y.rows() - (begin_of(part + 1) - begin_of(part)));
-        std::vector<Eigen::MatrixXd> weights;
-        for (const double ridge : kRidges) {
-            Eigen::MatrixXd regular = all - gram[std::size_t(part)];
-            regular.diagonal().array() += ridge * rows_seen;
-            weights.push_back(dense::solve_by_llt(regular, all_y - feature_y[std::size_t(part)]));
-        }
-        for_each_chunk(scaled.u, begin_of(part), begin_of(part + 1), [&](Eigen::Index at, const Eigen::MatrixXd& features) {
-            for (std::size_t r = 0; r < kRidges.size(); ++r)
-                squares.row(Eigen::Index(r)) +=
-                    (y.middleRows(at, features.rows()) - features * weights[r]).colwise().squaredNorm();
-        });
-    }
-    Eigen::MatrixXd regular = all;
-    regular.diagonal().array() += kRidges.front() * double(y.rows());
-    const Eigen::RowVectorXd explained = all_y.cwiseProduct(dense::solve_by_llt(regular, all_y)).colwise().sum();
+// Returns for each component the index of its ridge, kRidges.size(): no correction. A calibration that is
+// fitted again to a part of its rows keeps its ridges: a part, such as one session, does not show how sessions differ.
+std::vector<std::size_t> ridges_of(const Rows& rows, const Scaled& scaled, const Calibration& calibration) {
+    const std::size_t n = scaled.component.size();
     std::vector<std::size_t> chosen;
-    for (Eigen::Index c = 0; c < y.cols(); ++c) {
-        Eigen::Index best = 0;
-        const double min = squares.col(c).minCoeff(&best);
-        const double none = squares(squares.rows() - 1, c);
-        if (!(min < kWorth * kWorth * none) && !(none - explained[c] < kExplains * none))
-            chosen.push_back(kRidges.size());
-        else
-            chosen.push_back(min < kRidgeWorth * kRidgeWorth * squares(0, c) ? std::size_t(best) : 0);
+    const auto known = calibration.tables.find("ridge");
+    if (known != calibration.tables.end() && known->second.size() == 1 && known->second.front().size() == n) {
+        for (std::size_t i = 0; i < n; ++i) {
+            const double ridge = known->second.front()[i];
+            const auto at = std::size_t(std::lower_bound(kRidges.begin(), kRidges.end(), ridge) - kRidges.begin());
+            chosen.push_back(has_no_correction(calibration, "quadratic", i) ? kRidges.size()
+                                                                            : std::min(at, kRidges.size() - 1));
+        }
+        return chosen;
     }
+    for (const HeldOutErrors& errors : held_out_errors(rows, scaled, quadratic_features, kRidges))
+        chosen.push_back(best_ridge(errors));
     return chosen;
 }
 
@@ -89,11 +55,6 @@ Eigen::MatrixXd triangle_of(const Eigen::MatrixXd& u, const Eigen::MatrixXd& y, 
     return triangle;
 }
 
-Eigen::MatrixXd exact_solution(const Eigen::MatrixXd& triangle, Eigen::Index n) {
-    const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> solver(triangle.topLeftCorner(n, n));
-    return solver.solve(triangle.topRightCorner(n, triangle.cols() - n));
-}
-
 void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
     const Scaled scaled = fit_matrix_and_scale(rows, calibration, warnings);
     const Eigen::Index n = 1 + scaled.u.cols() + scaled.u.cols() * (scaled.u.cols() + 1) / 2;
@@ -106,7 +67,7 @@ void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::
                             "are needed: record more loads, or use fewer channels or method matrix",
                             independent, component, n, needed));
     }
-    const std::vector<std::size_t> ridge = search(scaled, n);
+    const std::vector<std::size_t> ridge = ridges_of(rows, scaled, calibration);
     // Components with a label in every row share one triangle.
     const auto has_all = [&](const Leftover& leftover) { return Eigen::Index(leftover.rows.size()) == scaled.u.rows(); };
     Eigen::MatrixXd y(scaled.u.rows(), 0);
@@ -116,13 +77,13 @@ void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::
             y.rightCols(1) = scaled.component[i].y;
         }
     const Eigen::MatrixXd shared = y.cols() > 0 ? triangle_of(scaled.u, y, n) : y;
-    // Products of correlated channels are dependent: the shortest of the equally good solutions is taken.
-    const bool any_exact = std::count(ridge.begin(), ridge.end(), std::size_t{0}) > 0;
-    const Eigen::MatrixXd exact = y.cols() > 0 && any_exact ? exact_solution(shared, n) : y;
-    Eigen::Index next = 0;  // column of the next component in `exact`
+    Eigen::Index next = 0;  // column of the next component in `shared`
     std::string kept;
     auto& table = calibration.tables["quadratic"];
     table.clear();
+    std::vector<double> used;
+    for (const std::size_t each : ridge) used.push_back(each == kRidges.size() ? 0 : kRidges[each]);
+    calibration.tables["ridge"] = {used};
     for (std::size_t i = 0; i < scaled.component.size(); ++i) {
         const Leftover& leftover = scaled.component[i];
         Eigen::VectorXd q = Eigen::VectorXd::Zero(n);
@@ -134,22 +95,18 @@ void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::
         const bool all = has_all(leftover);
         const Eigen::MatrixXd own = all ? Eigen::MatrixXd() : triangle_of(rows_of(scaled.u, leftover.rows), leftover.y, n);
         const Eigen::Index column = all ? next++ : 0;
-        if (ridge[i] == 0) {
-            q = all ? Eigen::VectorXd(exact.col(column)) : Eigen::VectorXd(exact_solution(own, n).col(0));
-        } else {
-            const Eigen::MatrixXd& triangle = all ? shared : own;
-            const Eigen::MatrixXd r = triangle.topLeftCorner(n, n);
-            Eigen::MatrixXd gram = r.transpose() * r;
-            gram.diagonal().array() += kRidges[ridge[i]] * double(leftover.rows.size());
-            q = dense::solve_by_llt(gram, r.transpose() * triangle.col(n + column).head(n));
-        }
+        const Eigen::MatrixXd& triangle = all ? shared : own;
+        const Eigen::MatrixXd r = triangle.topLeftCorner(n, n);
+        Eigen::MatrixXd gram = r.transpose() * r;
+        gram.diagonal().array() += kRidges[ridge[i]] * double(leftover.rows.size());
+        q = dense::solve_by_llt(gram, r.transpose() * triangle.col(n + column).head(n));
         table.emplace_back(q.data(), q.data() + q.size());
     }
     if (!kept.empty())
         warnings.push_back(
-            fmt::format("method quadratic keeps method matrix for {}: products of channels lower the error "
-                        "on the rows left out by less than {:.0f} %",
-                        kept, 100 * (1 - kWorth)));
+            fmt::format("method quadratic keeps method matrix for {}: products of channels do not lower the error on the "
+                        "rows left out by more than chance",
+                        kept));
 }
 
 const FitEntry entry{

@@ -1,14 +1,13 @@
 // Model "generic", method "rbf": centres by k-means, weights by ridge regression together with the quadratic. Spread
-// and ridge are those with the smallest error on a part that is left out.
+// and ridge are those with the smallest error on sessions or stretches of rows that are left out.
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <iterator>
 #include <limits>
 #include <random>
 
-#include "decoupling/fit/corrections.hpp"
+#include "decoupling/fit/held_out_ridge.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -19,8 +18,6 @@ constexpr Eigen::Index kRowsPerCentre = 20;
 constexpr double kSpreads[] = {1, 2, 4, 8};  // in standard deviations of a channel
 constexpr double kRidges[] = {1e-9, 1e-7, 1e-5, 1e-3, 1e-1};
 constexpr Eigen::Index kMaxRows = 24'000;  // features of so many rows take 220 MB; more rows hardly change the fit
-constexpr int kParts = 5;                  // parts of the rows; one is left out for the search of spread and ridge
-constexpr Eigen::Index kFewRows = 1000;    // with fewer rows each part is left out in turn, which takes less than a second
 
 // k-means++ and Lloyd's iterations, always with the same random numbers. A centre that loses all its rows keeps its
 // place.
@@ -62,14 +59,18 @@ Eigen::MatrixXd features_of(const Eigen::MatrixXd& u, const Eigen::MatrixXd& cen
     return features;
 }
 
-// Returns every n-th row, at most kMaxRows.
-Scaled some_rows(Scaled all) {
-    const Eigen::Index every = (all.u.rows() + kMaxRows - 1) / kMaxRows;
-    if (every == 1) return all;
+// Keeps every n-th row, at most kMaxRows.
+void keep_some(Rows& rows, Scaled& scaled) {
+    const Eigen::Index every = (scaled.u.rows() + kMaxRows - 1) / kMaxRows;
+    if (every == 1) return;
     std::vector<Eigen::Index> chosen;
-    for (Eigen::Index i = 0; i < all.u.rows(); i += every) chosen.push_back(i);
-    Scaled some{.u = rows_of(all.u, chosen), .component = {}};
-    for (const Leftover& leftover : all.component) {
+    Rows kept;
+    for (Eigen::Index i = 0; i < scaled.u.rows(); i += every) {
+        chosen.push_back(i);
+        kept.push_back(rows[std::size_t(i)]);
+    }
+    Scaled some{.u = rows_of(scaled.u, chosen), .component = {}};
+    for (const Leftover& leftover : scaled.component) {
         Leftover& here = some.component.emplace_back();
         std::vector<double> y;
         for (std::size_t i = 0; i < leftover.rows.size(); ++i) {
@@ -79,7 +80,8 @@ Scaled some_rows(Scaled all) {
         }
         here.y = Eigen::Map<const Eigen::VectorXd>(y.data(), Eigen::Index(y.size()));
     }
-    return some;
+    rows = std::move(kept);
+    scaled = std::move(some);
 }
 
 struct Found {
@@ -87,46 +89,43 @@ struct Found {
     std::vector<bool> gains;  // for each component: the error is lower than without a correction
 };
 
-// Searches for the spread and the ridge with the smallest error on stretches of rows that are left out: on every fifth
-// stretch, or each of the fifths in turn if there are few rows. One Gram matrix and one right-hand side per spread, one
-// factorisation per ridge.
-Found search(const Scaled& scaled, const Eigen::MatrixXd& centres) {
-    const Eigen::MatrixXd y = units_left(scaled);
-    const Eigen::Index stretch = std::max<Eigen::Index>(1, scaled.u.rows() / (kParts * kParts));
-    std::vector<int> parts{kParts / 2};
-    if (scaled.u.rows() < kFewRows) parts = {0, 1, 2, 3, 4};
-    std::array<std::array<Eigen::RowVectorXd, std::size(kRidges)>, std::size(kSpreads)> squares;
-    for (auto& of_spread : squares) of_spread.fill(Eigen::RowVectorXd::Zero(y.cols()));
-    Eigen::RowVectorXd before = Eigen::RowVectorXd::Zero(y.cols());
-    for (const int part : parts) {
-        std::vector<Eigen::Index> seen, unseen;
-        for (Eigen::Index i = 0; i < scaled.u.rows(); ++i) (i / stretch % kParts == part ? unseen : seen).push_back(i);
-        const Eigen::MatrixXd y_seen = rows_of(y, seen), y_unseen = rows_of(y, unseen);
-        const Eigen::MatrixXd u_seen = rows_of(scaled.u, seen), u_unseen = rows_of(scaled.u, unseen);
-        before += y_unseen.colwise().squaredNorm();
-        for (std::size_t s = 0; s < std::size(kSpreads); ++s) {
-            const Eigen::MatrixXd of_seen = features_of(u_seen, centres, kSpreads[s]);
-            const Eigen::MatrixXd of_unseen = features_of(u_unseen, centres, kSpreads[s]);
-            const Ridge ridge_of_seen(of_seen);
-            const Eigen::MatrixXd feature_y = of_seen.transpose() * y_seen;
-            for (std::size_t r = 0; r < std::size(kRidges); ++r)
-                squares[s][r] += (y_unseen - of_unseen * ridge_of_seen.solve(feature_y, kRidges[r])).colwise().squaredNorm();
+// Returns the spread and the ridge with the smallest error on rows that are left out, in which components without a gain
+// keep the matrix. A calibration that is fitted again to a part of its rows keeps its choice, `known` with its tables.
+Found search(const Rows& rows, const Scaled& scaled, const Eigen::MatrixXd& centres, const Calibration& calibration,
+             const std::map<std::string, double>& known) {
+    Found found;
+    const auto spread = known.find("spread"), ridge = known.find("ridge");
+    if (spread != known.end() && ridge != known.end()) {
+        found = {.spread = spread->second, .ridge = ridge->second, .gains = {}};
+        for (std::size_t i = 0; i < scaled.component.size(); ++i)
+            found.gains.push_back(!has_no_correction(calibration, "weights", i));
+        return found;
+    }
+    double min = std::numeric_limits<double>::infinity();
+    for (const double s : kSpreads) {
+        const auto errors = held_out_errors(
+            rows, scaled, [&](const Eigen::MatrixXd& u) { return features_of(u, centres, s); }, kRidges);
+        for (std::size_t r = 0; r < std::size(kRidges); ++r) {
+            double sum = 0;
+            std::vector<bool> gain;
+            for (const HeldOutErrors& each : errors) {
+                gain.push_back(gains(each, Eigen::Index(r)));
+                const Eigen::Index column = gain.back() ? Eigen::Index(r) : each.smooth.cols() - 1;
+                sum += each.smooth.col(column).sum();
+            }
+            if (!(sum < min)) continue;
+            min = sum;
+            found = {.spread = s, .ridge = kRidges[r], .gains = std::move(gain)};
         }
     }
-    Found found;
-    double min = std::numeric_limits<double>::infinity();
-    for (std::size_t s = 0; s < std::size(kSpreads); ++s)
-        for (std::size_t r = 0; r < std::size(kRidges); ++r) {
-            if (!(squares[s][r].sum() < min)) continue;
-            min = squares[s][r].sum();
-            found = {.spread = kSpreads[s], .ridge = kRidges[r], .gains = {}};
-            for (Eigen::Index c = 0; c < y.cols(); ++c) found.gains.push_back(squares[s][r][c] < before[c]);
-        }
     return found;
 }
 
 void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
-    const Scaled scaled = some_rows(fit_matrix_and_scale(rows, calibration, warnings));
+    const auto known = calibration.parameters;  // the fit of the matrix clears them
+    Scaled scaled = fit_matrix_and_scale(rows, calibration, warnings);
+    Rows some = rows;
+    keep_some(some, scaled);
     const Eigen::Index n_quadratic = 1 + scaled.u.cols() + scaled.u.cols() * (scaled.u.cols() + 1) / 2;
     std::size_t independent = rows.size();
     for (const auto& name : calibration.components)
@@ -139,7 +138,7 @@ void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string
                         "use fewer channels or method matrix",
                         independent, needed));
     const Eigen::MatrixXd centres = k_means(scaled.u, n_centres);
-    const auto [spread, ridge, gains] = search(scaled, centres);
+    const auto [spread, ridge, gain] = search(some, scaled, centres, calibration, known);
     calibration.parameters = {{"spread", spread}, {"ridge", ridge}};
     auto &weights = calibration.tables["weights"], &quadratic = calibration.tables["quadratic"];
     weights.clear();
@@ -158,7 +157,7 @@ void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string
         std::vector<Eigen::Index> missing;
         for (Eigen::Index i = 0; i < features.rows(); ++i)
             if (!has[std::size_t(i)]) missing.push_back(i);
-        if (!gains[c]) {
+        if (!gain[c]) {
             kept += (kept.empty() ? "" : ", ") + calibration.components[c];
         } else if (missing.empty()) {
             w = of_all.solve(features.transpose() * y, ridge);
@@ -173,8 +172,9 @@ void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string
         weights.emplace_back(w.data() + n_quadratic, w.data() + w.size());
     }
     if (!kept.empty())
-        warnings.push_back(
-            fmt::format("method rbf keeps method matrix for {}: no correction lowers the error on the rows left out", kept));
+        warnings.push_back(fmt::format(
+            "method rbf keeps method matrix for {}: no correction lowers the error on the rows left out by more than chance",
+            kept));
     auto& table = calibration.tables["centres"];
     table.clear();
     for (Eigen::Index j = 0; j < centres.rows(); ++j) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <utility>
 
 #include "decoupling/fit/labels.hpp"
@@ -187,8 +188,24 @@ void check_lag(const Rows& rows, std::vector<std::string>& warnings) {
     }
 }
 
-// Times in milliseconds.
-void check_times(const Rows& rows, std::vector<std::string>& warnings) {
+// Times that go backwards in a session, and times in milliseconds.
+void check_times(const Labelled& labelled, const Rows& rows, std::vector<std::string>& warnings) {
+    std::map<std::size_t, std::uint64_t> latest_ns;  // by session
+    const LabelledRow* first = nullptr;
+    std::size_t backwards = 0;
+    for (const auto* row : rows) {
+        if (row->t_ns == 0) continue;
+        std::uint64_t& before_ns = latest_ns[row->session];
+        if (row->t_ns < before_ns && backwards++ == 0) first = row;
+        before_ns = row->t_ns;
+    }
+    if (first != nullptr) {
+        warnings.push_back(fmt::format(
+            "t_s goes backwards at {}:{}{}: if the rows of one recording are not in the order of time, sort them "
+            "by t_s; if another recording begins there, name both in a column \"session\"",
+            labelled.name, first->line, backwards > 1 ? fmt::format(" and in {} rows after that", backwards - 1) : ""));
+        return;  // the intervals of rows out of order say nothing about the unit
+    }
     std::vector<double> interval_s;
     for (std::size_t i = 1; i < rows.size(); ++i)
         if (rows[i - 1]->t_ns > 0 && rows[i]->t_ns > rows[i - 1]->t_ns)
@@ -230,7 +247,7 @@ void check_recording(const Labelled& labelled, const Rows& rows, std::vector<std
     check_zeros(rows, warnings);
     check_sessions(labelled, rows, warnings);
     check_lag(rows, warnings);
-    check_times(rows, warnings);
+    check_times(labelled, rows, warnings);
     check_unloading(rows, warnings);
 }
 

@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/least_squares.hpp"
 #include "decoupling/fit/recording_checks.hpp"
+#include "decoupling/fit/session_pairs.hpp"
+#include "decoupling/fit/session_verdict.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -47,32 +50,102 @@ Data data_of(const Rows& rows, std::size_t c) {
 // The range of the first channel.
 double width(const Data& data) { return data.x.col(0).maxCoeff() - data.x.col(0).minCoeff(); }
 
-// A session whose labels are in another unit than those of the session before, or have another sign: the straight line
-// of one session predicts the other but for this factor.
-void check_units(const Labelled& labelled, const std::vector<Rows>& of_session) {
-    for (std::size_t s = 1; s < of_session.size(); ++s)
-        for (std::size_t c = 0; c < 6; ++c) {
-            if (of_session[s - 1].size() < kFewestRows || of_session[s].size() < kFewestRows) continue;
-            const Data before = data_of(of_session[s - 1], c), here = data_of(of_session[s], c);
-            if (before.x.rows() < 3 * (before.x.cols() + 1) || here.x.rows() < Eigen::Index(kFewestRows)) continue;
-            const Affine affine = affine_fit(before.x, before.y);
-            if (!affine.slope.dependent.empty()) continue;
-            const Eigen::VectorXd says = here.x * affine.slope.coefficient;
-            const Eigen::ArrayXd a = says.array() - says.mean(), b = here.y.array() - here.y.mean();
-            const double factor = (a * b).sum() / a.square().sum();
-            const double correlation = (a * b).sum() / std::sqrt(a.square().sum() * b.square().sum());
-            if (!(std::abs(correlation) > kCorrelated)) continue;
-            for (const Unit& unit : kUnits)
-                for (const double ratio : {factor, 1 / factor})
-                    if (std::abs(ratio / unit.factor - 1) < kNearUnit)
-                        throw Undetermined(
-                            fmt::format("{} of session \"{}\" (from {}:{} on) is {:.3g} times that of session \"{}\" for "
-                                        "the same readings: {}. Or are its channels in another unit? {} extends over "
-                                        "{:.3g} there and over {:.3g} in session \"{}\"",
-                                        label_column(c), labelled.sessions[s], labelled.name, of_session[s].front()->line,
-                                        factor, labelled.sessions[s - 1], unit.remark, labelled.channels.front(),
-                                        width(here), width(before), labelled.sessions[s - 1]));
+// "session \"1\" (from a.csv:2 on)"
+std::string place(const Labelled& labelled, const std::vector<Rows>& of_session, std::size_t s) {
+    return fmt::format("session \"{}\" (from {}:{} on)", labelled.sessions[s], labelled.name, of_session[s].front()->line);
+}
+
+struct Factor {
+    double factor;
+    const Unit* unit;  // nullptr: none that is known
+};
+
+// Returns the factor between the labels of session `there` and those that the straight line of `here` gives for its
+// readings; nothing if that line does not predict them but for a factor.
+std::optional<Factor> factor_between(const Rows& here, const Rows& there, std::size_t c) {
+    if (here.size() < kFewestRows || there.size() < kFewestRows) return std::nullopt;
+    const Data before = data_of(here, c), after = data_of(there, c);
+    if (before.x.rows() < 3 * (before.x.cols() + 1) || after.x.rows() < Eigen::Index(kFewestRows)) return std::nullopt;
+    const Affine affine = affine_fit(before.x, before.y);
+    if (!affine.slope.dependent.empty()) return std::nullopt;
+    const Eigen::VectorXd says = after.x * affine.slope.coefficient;
+    const Eigen::ArrayXd a = says.array() - says.mean(), b = after.y.array() - after.y.mean();
+    const double factor = (a * b).sum() / a.square().sum();
+    const double correlation = (a * b).sum() / std::sqrt(a.square().sum() * b.square().sum());
+    if (!(std::abs(correlation) > kCorrelated)) return std::nullopt;
+    for (const Unit& unit : kUnits)
+        for (const double ratio : {factor, 1 / factor})
+            if (std::abs(ratio / unit.factor - 1) < kNearUnit) return Factor{factor, &unit};
+    return Factor{factor, nullptr};
+}
+
+void refuse_or_warn(const Contradictions& found, const std::string& text, std::vector<std::string>& warnings) {
+    if (!found.doubtful) throw Undetermined(text);
+    warnings.push_back(text);
+}
+
+// Sessions whose labels are in another unit than those of the others, or have another sign: the straight line of one
+// session predicts the other but for this factor.
+void check_units(const Labelled& labelled, const std::vector<Rows>& of_session, std::vector<std::string>& warnings) {
+    for (std::size_t c = 0; c < 6; ++c) {
+        const auto either = [&](std::size_t a, std::size_t b) {
+            const auto there = factor_between(of_session[a], of_session[b], c);
+            return there ? there : factor_between(of_session[b], of_session[a], c);
+        };
+        const Contradictions found =
+            contradictions(of_session.size(), [&](std::size_t a, std::size_t b) -> std::optional<bool> {
+                const auto factor = either(a, b);
+                if (!factor) return std::nullopt;
+                return factor->unit != nullptr;
+            });
+        if (found.pairs.empty()) continue;
+        const auto [reference, other] = found.shown;
+        auto factor = factor_between(of_session[reference], of_session[other], c);
+        if (!factor) {
+            factor = factor_between(of_session[other], of_session[reference], c);
+            factor->factor = 1 / factor->factor;
         }
+        refuse_or_warn(found,
+                       fmt::format("{}: {} of {} is {:.3g} times that of session \"{}\" for the same readings{}{}. Or are "
+                                   "its channels in another "
+                                   "unit? {} extends over {:.3g} there and over {:.3g} in session \"{}\". {}",
+                                   verdict(labelled, found), label_column(c), place(labelled, of_session, other),
+                                   factor->factor, labelled.sessions[reference], factor->unit != nullptr ? ": " : "",
+                                   factor->unit != nullptr ? factor->unit->remark : "", labelled.channels.front(),
+                                   width(data_of(of_session[other], c)), width(data_of(of_session[reference], c)),
+                                   labelled.sessions[reference], advice(labelled, found)),
+                       warnings);
+    }
+}
+
+// Sessions with the sensor turned, or with two channels exchanged. Spare channels, and gains that differ between the
+// sessions, hide both from a straight line through two sessions, but not from the line of one of them.
+void check_orders(const Labelled& labelled, const std::vector<Rows>& of_session, const std::vector<std::size_t>& components,
+                  std::vector<std::string>& warnings) {
+    std::vector<std::optional<SessionMoments>> moments;
+    for (const Rows& rows : of_session) moments.push_back(moments_of(rows, components));
+    const Contradictions found = contradictions(of_session.size(), [&](std::size_t a, std::size_t b) -> std::optional<bool> {
+        if (!moments[a] || !moments[b]) return std::nullopt;
+        return disagreement(*moments[a], *moments[b]).has_value();
+    });
+    if (found.pairs.empty()) return;
+    const auto [reference, other] = found.shown;
+    const Disagreement why = *disagreement(*moments[reference], *moments[other]);
+    const std::string text =
+        why.exchanged
+            ? fmt::format(
+                  "the channels {} and {} seem to be exchanged: the readings of {} agree far better with those "
+                  "of session \"{}\" if they are exchanged back. Correct the columns",
+                  labelled.channels[why.a], labelled.channels[why.b], place(labelled, of_session, other),
+                  labelled.sessions[reference])
+            : fmt::format(
+                  "a straight line through session \"{}\" predicts {} of {} not at all, or with the other "
+                  "sign, but a line through that session itself does. Is the sensor mounted otherwise there, "
+                  "or are labels or channels exchanged?",
+                  labelled.sessions[reference], label_column(components[why.a]), place(labelled, of_session, other));
+    refuse_or_warn(
+        found, fmt::format("{}: {}{} {}", verdict(labelled, found), text, why.exchanged ? "." : "", advice(labelled, found)),
+        warnings);
 }
 
 // The straight line through the readings of one session and its error.
@@ -103,42 +176,50 @@ std::optional<Line> line_of(const Rows& rows, std::size_t c) {
     return line;
 }
 
+// Returns the error of one straight line through both sessions, whatever their zeros.
+std::optional<double> rms_of_both(const Line& one, const Line& other, double& spread) {
+    Data both{Eigen::MatrixXd(one.data.x.rows() + other.data.x.rows(), one.data.x.cols()),
+              Eigen::VectorXd(one.data.x.rows() + other.data.x.rows())};
+    both.x << one.data.x, other.data.x;
+    both.y << one.data.y, other.data.y;
+    spread = rms_of(both.y);
+    return rms_of_line(both);
+}
+
 // Two sessions whose readings follow their loads along another straight line each: what one of them shows is wrong for
 // the other, even with its own zero.
 void check_agreement(const Labelled& labelled, const std::vector<Rows>& of_session, const Wrench& full_scale,
                      std::vector<std::string>& warnings) {
     for (std::size_t c = 0; c < 6; ++c) {
-        std::optional<Line> first;
-        std::size_t of_first = 0;
-        for (std::size_t s = 0; s < of_session.size(); ++s) {
-            std::optional<Line> line = line_of(of_session[s], c);
-            if (!line) continue;
-            if (!first) {
-                first = std::move(line);
-                of_first = s;
-                continue;
-            }
-            Data both{Eigen::MatrixXd(first->data.x.rows() + line->data.x.rows(), first->data.x.cols()),
-                      Eigen::VectorXd(first->data.x.rows() + line->data.x.rows())};
-            both.x << first->data.x, line->data.x;
-            both.y << first->data.y, line->data.y;
-            const std::optional<double> rms = rms_of_line(both);
-            if (!rms || !(*rms > kContradicts * rms_of(both.y)) || !(*rms > kTimesAlone * std::max(first->rms, line->rms)))
-                continue;
-            const std::string& name = labelled.sessions[of_first];
-            const std::string text = fmt::format(
-                "{} of session \"{}\" (from {}:{} on) contradicts that of session \"{}\": a straight line errs by {:.2g} "
-                "and {:.2g} % of full scale in each of them, but one for both by {:.2g} %, whatever their zeros. Are the "
-                "channels in another unit, gain or order, or is the sensor mounted otherwise? {} extends over {:.3g} there "
-                "and over {:.3g} in session \"{}\". Calibrate sessions that agree: --session {}",
-                label_column(c), labelled.sessions[s], labelled.name, of_session[s].front()->line, name,
-                100 * line->rms / full_scale[c], 100 * first->rms / full_scale[c], 100 * *rms / full_scale[c],
-                labelled.channels.front(), width(line->data), width(first->data), name,
-                labelled.sessions.size() == 2 ? name : "A,B");
-            if (*rms > kRefused * rms_of(both.y)) throw Undetermined(text);
-            warnings.push_back(text);
-            return;
-        }
+        std::vector<std::optional<Line>> lines;
+        for (const Rows& rows : of_session) lines.push_back(line_of(rows, c));
+        bool refused = false;
+        const Contradictions found =
+            contradictions(of_session.size(), [&](std::size_t a, std::size_t b) -> std::optional<bool> {
+                if (!lines[a] || !lines[b]) return std::nullopt;
+                double spread = 0;
+                const std::optional<double> rms = rms_of_both(*lines[a], *lines[b], spread);
+                if (!rms) return std::nullopt;
+                const bool contradicts =
+                    *rms > kContradicts * spread && *rms > kTimesAlone * std::max(lines[a]->rms, lines[b]->rms);
+                refused = refused || (contradicts && *rms > kRefused * spread);
+                return contradicts;
+            });
+        if (found.pairs.empty()) continue;
+        const auto [reference, other] = found.shown;
+        double spread = 0;
+        const std::string text = fmt::format(
+            "{}: {} of {} contradicts that of session \"{}\": a straight line errs by {:.2g} and {:.2g} % of full scale in "
+            "each of them, but one for both by {:.2g} %, whatever their zeros. Are the channels in another unit, gain or "
+            "order, or is the sensor mounted otherwise? {} extends over {:.3g} there and over {:.3g} in session \"{}\". {}",
+            verdict(labelled, found), label_column(c), place(labelled, of_session, other), labelled.sessions[reference],
+            100 * lines[other]->rms / full_scale[c], 100 * lines[reference]->rms / full_scale[c],
+            100 * rms_of_both(*lines[reference], *lines[other], spread).value_or(kNaN) / full_scale[c],
+            labelled.channels.front(), width(lines[other]->data), width(lines[reference]->data),
+            labelled.sessions[reference], advice(labelled, found));
+        if (refused) throw Undetermined(text);
+        warnings.push_back(text);
+        return;
     }
 }
 
@@ -149,8 +230,17 @@ void check_sessions(const Labelled& labelled, const Rows& rows, std::vector<std:
     std::vector<Rows> of_session(labelled.sessions.size());
     for (const auto* row : rows)
         if (row->session < of_session.size()) of_session[row->session].push_back(row);
-    check_units(labelled, of_session);
-    check_agreement(labelled, of_session, full_scales(rows), warnings);
+    const Wrench full_scale = full_scales(rows);
+    std::vector<std::size_t> components;
+    for (std::size_t c = 0; c < full_scale.size(); ++c)
+        if (full_scale[c] > 0) components.push_back(c);
+    // The agreement of one line with both sessions does not depend on which axes are loaded together.
+    std::vector<Rows> independent = of_session;
+    for (Rows& each : independent)
+        if (loads_go_together(each, components)) each.clear();
+    check_units(labelled, independent, warnings);
+    check_orders(labelled, independent, components, warnings);
+    check_agreement(labelled, of_session, full_scale, warnings);
 }
 
 }  // namespace tactiled

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "decoupling/method.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -58,6 +59,57 @@ void include_tares(const Rows& rows, const SessionZeros& zeros, Trial& trial) {
             calibration.method, wider));
 }
 
+// Sets validation, standard deviations and their widening by tares.
+void validate_once(const Labelled& labelled, const Rows& rows, const ZeroDrift& drift, const FitReport& report,
+                   Trial& trial) {
+    const FitEntry& method = *trial.method;
+    Calibration& calibration = trial.calibration;
+    // The result of a search may also serve the parts if it is only a width; a time constant must be determined
+    // again.
+    Calibration start = method.remembers ? trial.start : calibration;
+    if (method.remembers) set_domain(rows, start);
+    trial.validation = hold_out(labelled, rows, method, start, drift, trial.warnings);
+    calibration.validation = trial.validation.how;
+    trial.validation.at_rest = errors_at_rest(calibration, rows);
+    set_uncertainty(trial.validation, calibration, !method.remembers);
+    // A search may have a larger error on all rows than on parts of them (mlp, by up to 1.6): the held-out errors
+    // then describe other calibrations than this one.
+    const Wrench own = rms_error(calibration, rows);
+    for (std::size_t i = 0; i < calibration.sd.size(); ++i) {
+        const std::size_t c = component_index(calibration.components[i]);
+        if (!(own[c] > trial.validation.rms[c]) || !(trial.validation.rms[c] > 0)) continue;
+        calibration.sd[i] *= own[c] / trial.validation.rms[c];
+        if (!calibration.sd_slope.empty()) calibration.sd_slope[i] *= own[c] / trial.validation.rms[c];
+        if (!calibration.sd_load.empty()) calibration.sd_load[i] *= own[c] / trial.validation.rms[c];
+        if (!calibration.sd_unloading.empty()) calibration.sd_unloading[i] *= own[c] / trial.validation.rms[c];
+    }
+    include_tares(rows, report.zeros, trial);
+}
+
+// Removes the correction of the components whose held-out error it does not lower: its rows in the tables with a row per
+// component. The search of the fit leaves out other rows than the validation where there is one session, and it does not
+// contain tares. Returns a warning if it removed one, else "".
+std::string keep_part_where_worse(const FitReport& report, Trial& trial) {
+    std::string kept;
+    for (std::size_t i = 0; i < report.components.size(); ++i) {
+        const std::size_t c = component_index(report.components[i].name);
+        if (!(trial.validation.rms[c] > trial.validation.rms_of_part[c])) continue;
+        bool any = false;
+        for (const KnownTable& known : find_method(trial.method->model, trial.method->method)->tables) {
+            const auto table = trial.calibration.tables.find(known.name);
+            if (known.rows != kPerComponent || table == trial.calibration.tables.end()) continue;
+            for (double& value : table->second[i]) {
+                any = any || value != 0;
+                value = 0;
+            }
+        }
+        if (any) kept += fmt::format("{}{}", kept.empty() ? "" : ", ", report.components[i].name);
+    }
+    if (kept.empty()) return "";
+    return fmt::format("method {} keeps method {} for {}: its held-out error is not lower", trial.calibration.method,
+                       trial.method->adds_to, kept);
+}
+
 }  // namespace
 
 Calibration start_of(const FitEntry& method, const FitRequest& request, const FitReport& report) {
@@ -84,26 +136,15 @@ void validate(const Labelled& labelled, const Rows& rows, const ZeroDrift& drift
     if (calibration.condition > kIllConditioned)
         trial.warnings.push_back(fmt::format(
             "condition number {:.2g}: the channels nearly repeat each other, noise is amplified", calibration.condition));
-    // The result of a search may also serve the parts if it is only a width; a time constant must be determined
-    // again.
-    Calibration start = method.remembers ? trial.start : calibration;
-    if (method.remembers) set_domain(rows, start);
-    trial.validation = hold_out(labelled, rows, method, start, drift, trial.warnings);
-    calibration.validation = trial.validation.how;
-    trial.validation.at_rest = errors_at_rest(calibration, rows);
-    set_uncertainty(trial.validation, calibration, !method.remembers);
-    // A search may have a larger error on all rows than on parts of them (mlp, by up to 1.6): the held-out errors
-    // then describe other calibrations than this one.
+    std::vector<std::string> warnings = trial.warnings;
+    validate_once(labelled, rows, drift, report, trial);
+    if (!method.adds_to.empty() && !method.must_gain)
+        if (std::string kept = keep_part_where_worse(report, trial); !kept.empty()) {
+            trial.warnings = std::move(warnings);
+            trial.warnings.push_back(std::move(kept));
+            validate_once(labelled, rows, drift, report, trial);
+        }
     const Wrench own = rms_error(calibration, rows);
-    for (std::size_t i = 0; i < calibration.sd.size(); ++i) {
-        const std::size_t c = component_index(calibration.components[i]);
-        if (!(own[c] > trial.validation.rms[c]) || !(trial.validation.rms[c] > 0)) continue;
-        calibration.sd[i] *= own[c] / trial.validation.rms[c];
-        if (!calibration.sd_slope.empty()) calibration.sd_slope[i] *= own[c] / trial.validation.rms[c];
-        if (!calibration.sd_load.empty()) calibration.sd_load[i] *= own[c] / trial.validation.rms[c];
-        if (!calibration.sd_unloading.empty()) calibration.sd_unloading[i] *= own[c] / trial.validation.rms[c];
-    }
-    include_tares(rows, report.zeros, trial);
     for (const auto& component : report.components)
         trial.about.held_out_rms.push_back(trial.validation.rms[component_index(component.name)]);
     const auto known = [](double rms) { return std::isfinite(rms); };

@@ -39,7 +39,9 @@ private:
     std::vector<Components> features_;
 };
 
-constexpr std::array<KnownTable, 2> kTables{{kWidth, {"quadratic", kPerComponent, kAnyNumber}}};
+// "ridge": of the fit; reported, not used.
+constexpr std::array<KnownTable, 3> kTables{
+    {kWidth, {"quadratic", kPerComponent, kAnyNumber}, {"ridge", 1, kPerComponent, false}}};
 
 std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
     auto correction = make_quadratic(data, fault);

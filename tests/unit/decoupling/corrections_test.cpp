@@ -55,6 +55,54 @@ TEST(Corrections, OfAStraightSensorAreNoWorseThanTheMatrix) {
     EXPECT_GE(kept, 3u);
 }
 
+// Eight channels of three loads, nearly straight. Five combinations of the channels show the temperature alone, which is
+// another one in each session.
+Labelled strain_gauges(unsigned seed, std::size_t sessions) {
+    std::mt19937_64 random(seed);
+    std::normal_distribution<double> normal(0, 1);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    Labelled labelled;
+    labelled.name = "gauges.csv";
+    double gain[8][3], curve[8][3], per_K[8];
+    for (int k = 0; k < 8; ++k) {
+        labelled.channels.push_back("g" + std::to_string(k));
+        for (int c = 0; c < 3; ++c) gain[k][c] = 0.3 * normal(random), curve[k][c] = 6e-4 * normal(random);
+        per_K[k] = 3e-4 * normal(random);
+    }
+    for (std::size_t session = 0; session < sessions; ++session) {
+        labelled.sessions.push_back(std::to_string(session));
+        const double start_K = 2 * normal(random);
+        for (int i = 0; i < 400; ++i) {
+            double load[3];
+            for (double& part : load) part = i % 10 == 0 ? 0 : uniform(random);
+            LabelledRow row{
+                .line = std::int64_t(labelled.rows.size()) + 2, .channel = {}, .wrench_S = kUnseen, .session = session};
+            for (int k = 0; k < 8; ++k) {
+                double reading = (start_K + 2 * std::sin(0.01 * i)) * per_K[k] + 7e-5 * normal(random);
+                for (int c = 0; c < 3; ++c) reading += gain[k][c] * load[c] + curve[k][c] * load[c] * load[c];
+                row.channel.push_back(reading);
+            }
+            for (std::size_t c = 0; c < 3; ++c) row.wrench_S[c] = 50 * (load[c] + 5e-4 * normal(random));
+            labelled.rows.push_back(row);
+        }
+    }
+    return labelled;
+}
+
+TEST(Corrections, OfChannelsThatNearlyRepeatEachOtherAreNoWorseThanTheMatrixInAnySession) {
+    for (unsigned seed = 1; seed <= 4; ++seed) {
+        const Labelled labelled = strain_gauges(seed, 2 + seed % 2);
+        const FitReport matrix = fit(labelled, by("matrix"));
+        for (const char* method : {"quadratic", "rbf"}) {
+            const FitReport report = fit(labelled, by(method));
+            for (std::size_t c = 0; c < 3; ++c) {
+                EXPECT_LE(report.components[c].held_out_rms, 1.000001 * matrix.components[c].held_out_rms) << method << seed;
+                EXPECT_LE(report.calibration.sd[c], 1.2 * matrix.calibration.sd[c]) << method << seed;
+            }
+        }
+    }
+}
+
 TEST(Corrections, OfABentSensorLowerTheError) {
     for (unsigned seed = 1; seed <= 5; ++seed) {
         const Labelled labelled = ramps(seed, 3, 0.05);

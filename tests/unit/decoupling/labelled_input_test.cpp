@@ -94,8 +94,9 @@ TEST(Input, SessionsThatContradictEachOtherAreNamed) {
     const Labelled scaled = changed([](auto& channel) {
         for (double& x : channel) x = 500 * x + 20;
     });
-    for (const char* text : {"of session \"b\" (from waves.csv:202 on) contradicts that of session \"a\"",
-                             "Calibrate sessions that agree: --session a"})
+    for (const char* text : {"sessions a and b contradict each other",
+                             "of session \"b\" (from waves.csv:202 on) contradicts that of session \"a\"",
+                             "Calibrate sessions that agree, for example --session a or --session b"})
         EXPECT_NE(refusal(scaled, by("matrix")).find(text), std::string::npos) << refusal(scaled, by("matrix"));
     const Labelled twice = changed([](auto& channel) {
         for (double& x : channel) x *= 2;
@@ -211,6 +212,14 @@ TEST(Input, OtherUnitsOfLabelsAndTimesAreNamed) {
     EXPECT_TRUE(warns(fit(grams, by("matrix")), "labels are in N; are these grams or mN?"));
     EXPECT_TRUE(warns(fit(long_arm, by("matrix")), "with an arm of"));
     EXPECT_TRUE(warns(fit(milliseconds, by("matrix")), "the rows are 36 s apart by t_s"));
+    // Each session may begin at 0.
+    Labelled again = labelled, shuffled = milliseconds;
+    again.sessions = {"a", "b"};
+    for (std::size_t i = 200; i < 400; ++i) again.rows[i].session = 1, again.rows[i].t_ns -= 200 * 36'000'000;
+    EXPECT_FALSE(warns(fit(again, by("matrix")), "t_s goes backwards"));
+    for (std::size_t i = 10; i + 1 < 400; i += 2) std::swap(shuffled.rows[i].t_ns, shuffled.rows[i + 1].t_ns);
+    EXPECT_TRUE(warns(fit(shuffled, by("matrix")), "t_s goes backwards at waves.csv:13 and in 194 rows after that"));
+    EXPECT_FALSE(warns(fit(shuffled, by("matrix")), "in milliseconds?"));
 }
 
 TEST(Input, OneMistypedPullDoesNotHideThatAllArePresses) {

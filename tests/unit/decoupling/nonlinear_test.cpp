@@ -253,6 +253,7 @@ TEST(Auto, AMethodThatWasNotFittedHasNoStandardDeviation) {
 }
 
 // No information of a held-out session is in the calibration that judges it, not even the range of its channels.
+// Only the choice of ridge and spread is made from all rows.
 TEST(Nonlinear, HeldOutRowsAreJudgedByACalibrationThatNeverSawThem) {
     for (const char* method : {"matrix", "quadratic", "rbf"}) {
         Labelled both = bent_rows(1000, 1e-3), first = both;
@@ -263,7 +264,12 @@ TEST(Nonlinear, HeldOutRowsAreJudgedByACalibrationThatNeverSawThem) {
             if (row.session == 0) first.rows.push_back(row);
         }
         const FitReport report = fitted(method, both);
-        const auto narrow = make_decoupler(fitted(method, first).calibration);
+        FitRequest request{.model = "generic", .method = method, .serial = "", .date = "2026-03-01"};
+        Fit& choice = request.start[method];
+        choice.parameters = report.calibration.parameters;
+        if (const auto ridge = report.calibration.tables.find("ridge"); ridge != report.calibration.tables.end())
+            choice.tables.insert(*ridge);
+        const auto narrow = make_decoupler(fit(first, request).calibration);
         int wide = 0;
         for (const auto& [row, estimated] : report.held_out) {
             if (row->session != 1) continue;
