@@ -147,6 +147,32 @@ TEST_F(Optical, ASessionWithAnotherZeroIsInside) {
     EXPECT_GE(inside, 1980);
 }
 
+// Two sessions show two directions in which gains may differ, and the next one differs in others.
+TEST_F(Optical, AThirdSessionWithOtherGainsIsInside) {
+    std::vector<double> gain(kDiodes);
+    const auto next_gains = [&] {
+        for (double& each : gain) each = 1 + 0.02 * normal_(random_);
+    };
+    const auto with_gains = [&](std::vector<double> channel) {
+        for (std::size_t k = 0; k < kDiodes; ++k) channel[k] = 1000 + gain[k] * (channel[k] - 1000);
+        return channel;
+    };
+    Labelled labelled = record(2);
+    for (std::size_t i = 0; i < labelled.rows.size(); ++i) {
+        if (i % 400 == 0) next_gains();
+        labelled.rows[i].channel = with_gains(labelled.rows[i].channel);
+    }
+    const Calibration calibration = calibrated(labelled);
+    ASSERT_GT(calibration.joint_domain.curved.limit, 0);
+    const CurvedDistance distance(calibration.joint_domain);
+    int inside = 0;
+    for (int session = 0; session < 20; ++session) {
+        next_gains();
+        for (int i = 0; i < 100; ++i) inside += distance.squared(with_gains(reading(load(0.01 * i))).data()) <= 1;
+    }
+    EXPECT_GE(inside, 1980);
+}
+
 TEST_F(Optical, LoadsThatCameOneByOneMayComeTogether) {
     Labelled labelled = record(3);
     for (std::size_t i = 0; i < labelled.rows.size(); ++i) {
@@ -184,6 +210,20 @@ TEST_F(Optical, FourChannelsOfThreeComponentsHaveNone) {
 TEST_F(Optical, TooFewRowsHaveNone) {
     Labelled labelled = record(1);
     labelled.rows.resize(40);  // enough for the matrix
+    EXPECT_EQ(calibrated(labelled).joint_domain.curved.limit, 0);
+}
+
+// 24 loads are enough for the matrix of five channels, but not for nine features, however often each load is repeated.
+TEST_F(Optical, TooFewLoadsHaveNone) {
+    Labelled labelled = record(1);
+    labelled.channels.resize(5);
+    for (std::size_t i = 0; i < labelled.rows.size(); ++i) {
+        auto& row = labelled.rows[i];
+        if (i % 16 != 0) row.wrench_S = labelled.rows[i / 16 * 16].wrench_S;
+        const std::vector<double> all = reading(row.wrench_S);
+        row.channel = {all[0], all[2], all[4], all[6], all[8]};
+    }
+    labelled.rows.resize(24 * 16);
     EXPECT_EQ(calibrated(labelled).joint_domain.curved.limit, 0);
 }
 
