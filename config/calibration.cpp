@@ -8,6 +8,7 @@
 #include <charconv>
 #include <chrono>
 
+#include "config/calibration_domain.hpp"
 #include "config/names.hpp"
 #include "config/text_file.hpp"
 
@@ -98,23 +99,6 @@ void read_channels(Options& file, Calibration& calibration) {
         if (min[i] > max[i])
             file.problem("channel_most",
                          fmt::format("channel_most[{0}] = {1} is below channel_least[{0}] = {2}", i, max[i], min[i]));
-}
-
-void read_joint_domain(Options& file, Calibration& calibration) {
-    if (!file.has("joint_domain")) return;
-    Options table = file.table("joint_domain");
-    JointDomain& domain = calibration.joint_domain;
-    const std::size_t n = calibration.channels.size();
-    domain.mean = table.numbers("mean", kFinite, n == 0 ? Count{} : Count{n, n});
-    domain.whitening = table.rows("whitening");
-    domain.limit = table.number("limit", {1e-9, 1e9});
-    domain.false_alarms = table.number("false_alarms", {0, 1}, 0);
-    if (n != 0 && domain.whitening.size() != n)
-        table.problem("whitening", fmt::format("whitening has {} rows for {} channels", domain.whitening.size(), n));
-    for (std::size_t i = 0; i < domain.whitening.size(); ++i)
-        if (domain.whitening[i].size() != i + 1)
-            table.problem("whitening", fmt::format("whitening[{}] has {} numbers; a lower triangle has {} there", i,
-                                                   domain.whitening[i].size(), i + 1));
 }
 
 void read_parity(Options& file, Calibration& calibration) {

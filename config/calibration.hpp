@@ -42,6 +42,25 @@ struct Fit {
     std::string validation;
 };
 
+inline constexpr std::size_t kMaxDirections = 6;
+// Directions and their products.
+constexpr std::size_t curved_features(std::size_t directions) { return directions + directions * (directions + 1) / 2; }
+
+// The surface on which the readings of the calibration's rows lie: n channels as a function of m < n directions.
+// y = directions (channel - mean) and p = (y_1 .. y_m, y_1 y_1, y_1 y_2 .. y_m y_m) - feature_mean predict the channels as
+// mean + coefficients p, with the mean of JointDomain. The residual e belongs to the domain if
+// |whitening e|^2 <= limit^2 (1 + growth |feature_whitening p|^2). See decoupling/curved_distance.hpp.
+struct CurvedDomain {
+    std::vector<std::vector<double>> directions;         // m rows of n numbers, 1 / channel_unit
+    std::vector<double> feature_mean;                    // m + m (m + 1) / 2 numbers
+    std::vector<std::vector<double>> feature_whitening;  // lower triangle
+    double growth = 0;                                   // of the residual's variance where rows were few
+    std::vector<std::vector<double>> coefficients;       // n rows, a number a feature, in channel_unit
+    std::vector<std::vector<double>> whitening;          // lower triangle, 1 / channel_unit
+    double limit = 0;                                    // 0 = the calibration has none
+    double false_alarms = 0;                             // share of the held-out rows beyond the limit, 0 .. 1
+};
+
 // The readings of the calibration's rows, all channels together: those with |whitening (channel - mean)| <= limit.
 // See decoupling/joint_domain.hpp.
 struct JointDomain {
@@ -49,6 +68,7 @@ struct JointDomain {
     std::vector<std::vector<double>> whitening;  // lower triangle, 1 / channel_unit: row i has i + 1 numbers
     double limit = 0;                            // 0 = the calibration has no joint domain
     double false_alarms = 0;                     // share of the held-out rows beyond the limit, 0 .. 1
+    CurvedDomain curved{};
 };
 
 // The longest repetition of one number by each channel while the load was held, in the rows of the calibration.

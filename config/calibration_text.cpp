@@ -69,6 +69,17 @@ public:
     std::string text_;
 };
 
+void write_curved_domain(const CurvedDomain& domain, Lines& out) {
+    out.rows("joint_domain.curved.directions", domain.directions);
+    out.numbers("joint_domain.curved.feature_mean", domain.feature_mean);
+    out.rows("joint_domain.curved.feature_whitening", domain.feature_whitening);
+    out.line("joint_domain.curved.growth", toml_number(domain.growth));
+    out.rows("joint_domain.curved.coefficients", domain.coefficients);
+    out.rows("joint_domain.curved.whitening", domain.whitening);
+    out.line("joint_domain.curved.limit", toml_number(domain.limit));
+    out.line("joint_domain.curved.false_alarms", toml_number(domain.false_alarms));
+}
+
 }  // namespace
 
 std::string calibration_text(const Calibration& calibration) {
@@ -90,6 +101,7 @@ std::string calibration_text(const Calibration& calibration) {
         out.rows("joint_domain.whitening", domain.whitening);
         out.line("joint_domain.limit", toml_number(domain.limit));
         out.line("joint_domain.false_alarms", toml_number(domain.false_alarms));
+        if (domain.curved.limit > 0) write_curved_domain(domain.curved, out);
     }
     if (const Parity& parity = calibration.parity; !parity.sd.empty()) {
         out.line("parity.order", fmt::format("{}", parity.order));

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "config/names.hpp"
+#include "decoupling/curved_distance.hpp"
 
 namespace tactiled {
 namespace {
@@ -16,7 +18,8 @@ constexpr double kMaxFactor = 1e6;  // largest factor of a standard deviation, w
 class JointlyChecked final : public Decoupler {
 public:
     JointlyChecked(const JointDomain& domain, std::unique_ptr<Decoupler> inner)
-        : inner_(std::move(inner)), n_(domain.mean.size()), limit_squared_(domain.limit * domain.limit) {
+        : inner_(std::move(inner)), n_(domain.mean.size()), per_limit_squared_(1 / (domain.limit * domain.limit)) {
+        if (domain.curved.limit > 0) curved_.emplace(domain);
         std::copy(domain.mean.begin(), domain.mean.end(), mean_);
         for (std::size_t k = 0; k < n_; ++k)
             for (std::size_t i = k; i < n_; ++i) column_[k][i] = domain.whitening[i][k];
@@ -25,12 +28,16 @@ public:
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept override {
         Estimate estimate = inner_->decouple(reading);
         if (estimate.quality == TACTILED_BAD || reading.missing != 0 || reading.channel.size() != n_) return estimate;
-        const double squared = distance_squared(reading.channel.data());
-        if (squared <= limit_squared_ || std::isnan(squared)) [[likely]]
-            return estimate;  // NaN: a channel that this method does not use is missing
+        const double* const channel = reading.channel.data();
+        // A NaN is not greater: a channel that this method does not use is missing.
+        double ratio = distance_squared(channel) * per_limit_squared_;
+        if (curved_)
+            if (const double curved = curved_->squared(channel); curved > ratio) ratio = curved;
+        if (!(ratio > 1)) [[likely]]
+            return estimate;
         estimate.quality = TACTILED_UNCERTAIN;
         estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
-        const double factor = std::min(kMaxFactor, std::sqrt(squared / limit_squared_));
+        const double factor = std::min(kMaxFactor, std::sqrt(ratio));
         for (double& sd : estimate.sd) sd *= factor;
         return estimate;
     }
@@ -54,10 +61,30 @@ private:
 
     std::unique_ptr<Decoupler> inner_;
     std::size_t n_;
-    double limit_squared_;
+    double per_limit_squared_;
+    std::optional<CurvedDistance> curved_;
     double mean_[kMaxChannels]{};
     double column_[kMaxChannels][kMaxChannels]{};  // columns of the lower triangle
 };
+
+std::string fault_of_curved_domain(const CurvedDomain& domain, std::size_t n) {
+    const std::size_t m = domain.directions.size(), features = curved_features(m);
+    const auto is_triangle = [](const auto& rows, std::size_t size) {
+        if (rows.size() != size) return false;
+        for (std::size_t i = 0; i < size; ++i)
+            if (rows[i].size() != i + 1) return false;
+        return true;
+    };
+    const auto has = [](const auto& rows, std::size_t size, std::size_t numbers) {
+        return rows.size() == size &&
+               std::all_of(rows.begin(), rows.end(), [=](auto& row) { return row.size() == numbers; });
+    };
+    if (m >= 1 && m <= kMaxDirections && has(domain.directions, m, n) && domain.feature_mean.size() == features &&
+        is_triangle(domain.feature_whitening, features) && has(domain.coefficients, n, features) &&
+        is_triangle(domain.whitening, n))
+        return "";
+    return fmt::format("joint_domain.curved has the wrong shape for {} directions and {} channels", m, n);
+}
 
 }  // namespace
 
@@ -87,7 +114,7 @@ std::string fault_of_joint_domain(const Calibration& calibration) {
         if (domain.whitening[i].size() != i + 1)
             return fmt::format("joint_domain.whitening[{}] has {} numbers; a lower triangle has {} there", i,
                                domain.whitening[i].size(), i + 1);
-    return "";
+    return domain.curved.limit == 0 ? "" : fault_of_curved_domain(domain.curved, n);
 }
 
 }  // namespace tactiled

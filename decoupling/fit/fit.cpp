@@ -269,7 +269,8 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         }
     }
     // The zero of the next mounting is another one, and the readings contain it until a tare.
-    if (report.zeros.own) calibration.joint_domain.limit *= 2;
+    if (report.zeros.own)
+        for (double* limit : {&calibration.joint_domain.limit, &calibration.joint_domain.curved.limit}) *limit *= 2;
     calibration.temperature = std::move(temperature);
     for (auto& component : report.components) {
         const std::size_t c = component_index(component.name);

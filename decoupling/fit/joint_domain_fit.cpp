@@ -5,6 +5,7 @@
 #include <cmath>
 #include <set>
 
+#include "decoupling/fit/curved_domain_fit.hpp"
 #include "decoupling/joint_domain.hpp"
 #include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
@@ -114,6 +115,7 @@ void set_joint_domain(const Rows& rows, const std::vector<std::size_t>& group_of
     domain.false_alarms = double(distances.end() - std::upper_bound(distances.begin(), distances.end(), domain.limit)) /
                           double(distances.size());
     calibration.joint_domain = std::move(domain);
+    set_curved_domain(rows, group_of_row, zero_sd, calibration);
 }
 
 }  // namespace tactiled

@@ -10,7 +10,8 @@ namespace tactiled {
 // Sets `calibration.joint_domain`; it stays empty with one channel, or with fewer than kRowsPerCoefficient rows per
 // coefficient. `group_of_row`: rows of one group are similar (a session, a stretch of time). Each group is held out
 // in turn. The limit is 1.1 times the distance that 99.9 % of the held-out rows do not exceed, at least that of noise
-// of 0.25 % of each range, and leaves room for full scale in all components at once. setup
+// of 0.25 % of each range, and leaves room for full scale in all components at once. Sets the curved
+// domain, too (curved_domain_fit.hpp). setup
 void set_joint_domain(const Rows& rows, const std::vector<std::size_t>& group_of_row, Calibration& calibration);
 
 // The zeros that each channel may have, as a standard deviation in channel_unit: the drift that is allowed for, and what
