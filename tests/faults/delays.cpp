@@ -352,7 +352,7 @@ const std::vector<Kind> kKinds = {
     {"a relay that sends evenly, hardly faster", relay_that_retimes, kByCounters},
     {"the device restarts in a lag", restart_in_a_lag},
     {"a clock with a period of 65.521 s, link down", clock_of_another_period, kByAll, 0, false, 65.521},
-    {"each frame comes again by a slower way", two_ways, kByCounters},
+    {"each frame comes again by a slower way", two_ways, kByCounters, 0, false, 0, longer_counter},
     {"the device gets faster, then a bridge is late", faster_device, kByCounters},
     {"the device gets faster in a lag", faster_in_a_lag, kByCounters},
     {"the device gets slower in a lag", slower_in_a_lag, kByCounters},

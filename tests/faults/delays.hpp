@@ -25,6 +25,10 @@ inline double between(std::mt19937_64& random, double a, double b) { return a + 
 extern const std::vector<Kind> kKinds;     // paths and changes of a device
 extern const std::vector<Kind> kOddKinds;  // devices, servers and machines that differ from what the formats expect
 
+// A counter that begins again within the time for which the link is closed, or by which a copy is late, shows neither that
+// frames are missing nor that one is old.
+void longer_counter(Stream& stream, std::mt19937_64& random);
+
 // Episodes to which a test or another kind refers.
 void slow_bridge(FreshnessRun& run, std::mt19937_64& random);
 void slower_bridge(FreshnessRun& run, std::mt19937_64& random);

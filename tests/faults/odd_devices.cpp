@@ -2,6 +2,11 @@
 #include "delays.hpp"
 
 namespace tactiled::faults {
+
+void longer_counter(Stream& stream, std::mt19937_64&) {
+    if (std::ldexp(1 / stream.rate_Hz, int(stream.counter_bits)) < 2) stream.counter_bits = 16;
+}
+
 namespace {
 
 // A bridge that is 0.1 to 5 % slower than the device until it is late by 0.3 to 3 s: no lag grows by much before a short
@@ -73,11 +78,6 @@ void starved(FreshnessRun& run, std::mt19937_64& random, double for_s) {
         run.starve_until(run.now_s() + waits_s);
         run.run_s(waits_s + between(random, 0.001, 0.05));
     }
-}
-
-// A counter that begins again within the time for which the link is closed does not show that frames are missing.
-void longer_counter(Stream& stream, std::mt19937_64&) {
-    if (std::ldexp(1 / stream.rate_Hz, int(stream.counter_bits)) < 2) stream.counter_bits = 16;
 }
 
 void busy_machine(FreshnessRun& run, std::mt19937_64& random) {
