@@ -54,7 +54,7 @@ struct CurvedDomain {
     std::vector<std::vector<double>> directions;         // m rows of n numbers, 1 / channel_unit
     std::vector<double> feature_mean;                    // m + m (m + 1) / 2 numbers
     std::vector<std::vector<double>> feature_whitening;  // lower triangle
-    double growth = 0;                                   // of the residual's variance where rows were few
+    double growth = 0;                                   // the residual's variance among few rows is larger by this
     std::vector<std::vector<double>> coefficients;       // n rows, a number a feature, in channel_unit
     std::vector<std::vector<double>> whitening;          // lower triangle, 1 / channel_unit
     double limit = 0;                                    // 0 = the calibration has none

@@ -1,9 +1,9 @@
-// How far a reading lies from the curved surface of the calibration's rows, all channels together.
+// The distance of a reading from the curved surface of the calibration's rows, all channels together.
 //
 // The channels of a photodiode or a force-sensing resistor are a strongly curved function of the force. One covariance
 // (joint_domain.hpp) contains this curvature as if it were free motion, so that a damaged channel stays inside. Here a few
 // directions of the readings and their products predict all channels (fit/curved_domain_fit.cpp), and the residual is
-// compared with the residuals of held-out rows. Where the rows were few the prediction is worse: the limit of the squared
+// compared with the residuals of held-out rows. The prediction is worse among few rows: the limit of the squared
 // distance grows with the distance of the features from those of the rows.
 #pragma once
 #include <algorithm>
@@ -30,7 +30,7 @@ private:
     std::size_t n_, n_directions_, n_features_;
     double growth_, per_limit_squared_;
     double mean_[kMaxChannels]{};
-    double direction_[kMaxChannels + 4][kMaxDirections]{};  // of channel k
+    double direction_[kMaxChannels + 4][kMaxDirections]{};  // rows: channels
     double feature_mean_[kMaxFeatures]{};
     double feature_column_[kMaxFeatures][kMaxFeatures]{};  // columns of the lower triangle
     // Columns of the whitening's lower triangle, a column a channel, then less the whitening times the coefficients of each

@@ -3,7 +3,7 @@
 // The range of each channel leaves room for combinations that no load causes: one channel that is dead, has lost gain or is
 // exchanged with another one stays within its range while the other channels move. The distance of a reading is
 // d = |W (channel - mean)|, where W is the inverse Cholesky factor of the covariance of the calibration's rows
-// (fit/joint_domain_fit.cpp). Where the channels are a curved function of the load the calibration also has a curved domain,
+// (fit/joint_domain_fit.cpp). For channels that are a curved function of the load the calibration also has a curved domain,
 // with a distance and a limit of its own (curved_distance.hpp). This check serves every model and method.
 #pragma once
 #include <memory>

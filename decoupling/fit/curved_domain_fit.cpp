@@ -26,7 +26,7 @@ constexpr double kFloor = 0.01, kFloorOfOneSession = 0.05;
 // to session lost no GOOD sample of simulated skins, and with 2 / S up to 12 %.
 constexpr double kShrinkage = 6, kShrinkageOfOneSession = 2;
 constexpr double kMaxFalseAlarms = 0.005;
-constexpr double kHarm = 0.1;                 // of full scale: the change of a component from which on damage counts
+constexpr double kHarm = 0.1;                 // damage counts from this change of a component on, relative to full scale
 constexpr double kLeastHarmful = 0.002;       // share of damaged rows that the joint domain alone may leave undetected
 constexpr double kWorth = 0.7;                // undetected damage relative to that of the joint domain alone
 constexpr std::size_t kEnoughDirections = 4;  // the time of a sample grows with their products
@@ -102,10 +102,10 @@ std::vector<std::vector<double>> triangle_in(const Eigen::MatrixXd& matrix) {
 struct Seen {
     Eigen::MatrixXd channel;                        // in `unit`
     Eigen::RowVectorXd unit;                        // a quarter of each channel's range, channel_unit
-    Eigen::VectorXd variance;                       // of noise and zero, in `unit`
+    Eigen::VectorXd variance;                       // noise and zero, in `unit`
     std::vector<std::vector<Eigen::Index>> groups;  // row indices
     std::size_t loads;
-    double shrinkage;  // of the covariance towards its diagonal
+    double shrinkage;  // the covariance towards its diagonal
 };
 
 // Returns the domain with m directions, without a limit if it is not possible.
@@ -115,7 +115,7 @@ CurvedDomain domain_of(const Seen& seen, Eigen::Index m) {
     };
     if (!is_enough(seen.loads)) return {};
     const Eigen::Index n = seen.channel.cols();
-    std::vector<Eigen::MatrixXd> residual;  // of each held-out group
+    std::vector<Eigen::MatrixXd> residual;  // each held-out group
     Eigen::MatrixXd all = Eigen::MatrixXd::Zero(n, n);
     double rows = 0;
     for (const auto& group : seen.groups) {
@@ -143,7 +143,7 @@ CurvedDomain domain_of(const Seen& seen, Eigen::Index m) {
     }
     std::sort(distances.begin(), distances.end());
     const auto at = std::size_t(std::ceil(kQuantile * double(distances.size()))) - 1;
-    const double noise = std::sqrt(double(n) + 3.1 * std::sqrt(2.0 * double(n)));  // as in the joint domain
+    const double noise = std::sqrt(double(n) + 3.1 * std::sqrt(2.0 * double(n)));  // the limit of the joint domain
     const Surface surface = surface_of(seen.channel, m);
     const auto inverse_unit = seen.unit.cwiseInverse().asDiagonal();
     CurvedDomain domain;

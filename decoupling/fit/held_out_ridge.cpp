@@ -73,8 +73,8 @@ struct Normal {
 };
 
 struct Solutions {
-    Eigen::MatrixXd linear;                   // of the features (1, u): the matrix
-    std::vector<Eigen::MatrixXd> correction;  // of all features, one for each ridge
+    Eigen::MatrixXd linear;                   // features (1, u): the matrix
+    std::vector<Eigen::MatrixXd> correction;  // all features, one for each ridge
 };
 
 Solutions solutions(const Normal& normal, Eigen::Index n_linear, double n_rows, std::span<const double> ridges) {

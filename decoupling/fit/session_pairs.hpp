@@ -13,7 +13,7 @@ struct SessionMoments {
     Eigen::MatrixXd xx, xy, yy;  // channels with channels, channels with labels, labels with labels
     Eigen::MatrixXd line;        // channels x labels: the straight line of this session
     Eigen::MatrixXd residual;    // channels x channels: row k is channel k less its straight line through the others
-    Eigen::VectorXd error;       // of this line, relative to the spread of the labels
+    Eigen::VectorXd error;       // this line's, relative to the spread of the labels
 };
 
 // Returns true if the session has too few different loads, or loads that go together, so that a line through it may take
@@ -27,7 +27,7 @@ std::optional<SessionMoments> moments_of(const Rows& rows, const std::vector<std
 struct Disagreement {
     bool exchanged;    // two channels; else the sensor was turned, or the labels were
     std::size_t a, b;  // these channels; else `a` is the place of a label in `components`
-    double error;      // of the line of one session in the other, once corrected; relative to the spread of the labels
+    double error;      // the line of one session in the other, once corrected; relative to the spread of the labels
 };
 
 // Returns the reason, or nothing if there is none. Turned: the line of either session says nothing about a label of the

@@ -1,4 +1,4 @@
-// Which of several sessions contradict the others, and the sentences about it.
+// The sessions that contradict the others, and the sentences about them.
 #pragma once
 #include <functional>
 #include <optional>
@@ -14,7 +14,7 @@ namespace tactiled {
 struct Contradictions {
     std::vector<std::pair<std::size_t, std::size_t>> pairs;
     std::vector<std::size_t> compared;            // in order
-    std::vector<std::size_t> odd;                 // those in the minority, in order; empty: no minority
+    std::vector<std::size_t> odd;                 // sessions in the minority, in order; empty: no minority
     bool doubtful = false;                        // one of `odd` contradicts no more than half of the others compared
     std::pair<std::size_t, std::size_t> shown{};  // to describe: one to trust, or the earlier one, and another
 };

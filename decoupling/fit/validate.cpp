@@ -106,7 +106,7 @@ std::vector<HeldOut> estimates_with_random_zeros(const Calibration& calibration,
 // The result of leaving one group out.
 struct Part {
     std::vector<HeldOut> rows, drifted, of_part;
-    std::vector<bool> has_sd;  // of each of `rows`
+    std::vector<bool> has_sd;  // one for each of `rows`
     std::string refused;
 };
 
