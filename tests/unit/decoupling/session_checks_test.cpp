@@ -92,7 +92,8 @@ TEST(Sessions, WithOtherGainsShowTurnsAndExchangesAllTheSame) {
         const Labelled right = spare_channels(seed, 4, 0.03, 0.05);
         EXPECT_EQ(refusal(right, by("matrix")), "") << seed;
         EXPECT_FALSE(warns(fit(right, by("matrix")), "contradict")) << seed;
-        expect_in(refusal(changed(right, 0, turn), by("matrix")), {"session 1 contradicts 2, 3 and 4", "mounted otherwise there"});
+        expect_in(refusal(changed(right, 0, turn), by("matrix")),
+                  {"session 1 contradicts 2, 3 and 4", "mounted otherwise there"});
         expect_in(refusal(changed(right, 3, exchange), by("matrix")),
                   {"session 4 contradicts 1, 2 and 3", "the channels c2 and c5 seem to be exchanged"});
     }
