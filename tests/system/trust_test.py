@@ -145,6 +145,21 @@ class AStranger(unittest.TestCase):
         self.assertFalse(as_stranger(lambda: s.connect(str(d.folder / "control.sock"))))
         self.assertTrue(pathlib.Path(d.folder / "control.sock").exists())
 
+    def test_reads_registers_on_the_loopback_address_unless_allow_excludes_it(self):
+        d = self.daemon
+        for allow in ("", 'allow = ["192.0.2.0/24"]\n'):
+            d.config.write_text(d.config.read_text().replace("[modbus]\n", "[modbus]\n" + allow))
+            d.start()
+
+            def read():
+                with socket.create_connection(("127.0.0.1", d.port), 5) as s:
+                    s.settimeout(5)
+                    s.sendall(bytes((0, 1, 0, 0, 0, 6, 1, 3, 0, 0, 0, 2)))
+                    if len(s.recv(64)) != 13:
+                        raise ConnectionError("no answer")
+            self.assertEqual(as_stranger(read), allow == "")
+            d.stop()
+
     def occupy(self, path, listens):
         """Another user's program at the path of the control socket; it confirms each command. Returns its process."""
         def serve():
