@@ -12,6 +12,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <utility>
 
 #include "config/options.hpp"
 #include "config/text_file.hpp"
@@ -165,13 +166,13 @@ void ZeroStore::add(std::uint32_t sensor, const Sensor& of, const TaredZero& zer
     if (order == nullptr) return;
     *order = {number_ + 1, sensor, of.zero_id(), zero};
     orders_.push();
+    has_added_ = true;
 }
 
 std::uint32_t ZeroStore::commit() noexcept {
     orders_.commit();
-    ++number_;
-    const bool refused = refused_;
-    refused_ = false;
+    const bool refused = std::exchange(refused_, false);
+    if (std::exchange(has_added_, false)) ++number_;
     return refused ? 0 : number_;
 }
 

@@ -85,9 +85,10 @@ private:
     std::vector<Kept> kept_;
     std::string complaint_;
     Ring<Order> orders_{64};
-    std::uint32_t number_ = 0;  // used by the pipeline only
-    bool refused_ = false;      // there was no room for an order of the present number
-    std::atomic<std::uint32_t> done_{0};
+    std::uint32_t number_ = 1;            // used by the pipeline only
+    bool has_added_ = false;              // to the next order
+    bool refused_ = false;                // there was no room for an order of the present number
+    std::atomic<std::uint32_t> done_{1};  // nothing was ordered before
     std::atomic<bool> usable_{false}, stop_{false};
     RtThread thread_;
 };

@@ -67,7 +67,8 @@ private:
     static constexpr double kMinClosed_ns = 200e6, kMaxClosed_ns = 2e9, kMissingFrames = 4;
     // A clock, or a counter, of a device that restarted has begun since the frame before it: it is this little ahead.
     static constexpr double kBooted_us = 500'000, kBootedFrames = 3;
-    static constexpr double kReplay_ns = 60e9;  // old frames that come again are at most this old
+    static constexpr std::uint32_t kMaxGap = 100;  // a larger one may be another device's
+    static constexpr double kReplay_ns = 60e9;     // old frames that come again are at most this old
 
     // ---- clock: stream_age_clock.hpp ----
     static constexpr double kWrap_ns = 4294967296e3;  // formats send 32 bits of microseconds
@@ -113,6 +114,7 @@ private:
     [[nodiscard]] bool has_settled(double late, std::uint64_t host_ns) noexcept;
     [[nodiscard]] bool has_begun(const Frame& frame, double silence_ns, double interval_ns) const noexcept;
     [[nodiscard]] double frames_back(const Frame& frame) const noexcept;
+    void follow_run(const Frame& frame) noexcept;
     [[nodiscard]] double frames_since(const Frame& frame, double silence_ns) const noexcept;
     [[nodiscard]] double advance_of(const Frame& frame, double silence_ns) const noexcept;
     [[nodiscard]] double mean_ns() const noexcept;
@@ -165,6 +167,7 @@ private:
 
     // The counter as a clock.
     std::uint32_t sequence_ = 0;
+    double run_ = 0;                     // numbers before sequence_ that have been, without a large gap
     double behind_ = 0;                  // on a cable: frames until the counter is beyond the numbers that have been
     std::uint64_t behind_until_ns_ = 0;  // host time; and at the latest then
     double period_ns_ = 0;               // 0: not known yet
@@ -223,6 +226,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
         frame.age = Frame::Age::unproved;
         return;
     }
+    if (frame.has_sequence) follow_run(frame);
     if (route_.device_clock && frame.device_time_us != 0)
         by_clock(frame, host_ns);
     else if (has_clock_)  // without its time for once

@@ -9,11 +9,21 @@ inline bool StreamAge::has_begun(const Frame& frame, double silence_ns, double i
     return interval_ns <= 0 || frame.sequence < kBootedFrames + silence_ns / interval_ns;
 }
 
-// By how many numbers the counter has gone back since the frame before; 0: it has not.
+// By how many numbers the counter has gone back since the frame before, to one that has been; 0: it has not.
 inline double StreamAge::frames_back(const Frame& frame) const noexcept {
     const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;
     const std::uint32_t back = (sequence_ - frame.sequence) & mask;
-    return frame.lost == 0 && back <= mask / 2 ? back : 0;
+    return frame.lost == 0 && back <= mask / 2 && back <= run_ ? back : 0;
+}
+
+// Follows the run of numbers without a large gap, of which each was received.
+inline void StreamAge::follow_run(const Frame& frame) noexcept {
+    const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;
+    const std::uint32_t steps = (frame.sequence - sequence_) & mask;
+    if (steps <= kMaxGap)
+        run_ += steps;
+    else if (frames_back(frame) <= 0)
+        run_ = 0;
 }
 
 // Frames that the device has counted since the one before; 0: it has restarted. The device's rate tells how often the
