@@ -113,7 +113,8 @@ inline double StreamAge::advance_of(const Frame& frame, double silence_ns) const
     const double advance = frames_since(frame, silence_ns);
     if (advance == 1) return advance;
     const bool is_long = range_ns(frame) > kShortest_ns || interval_ns() <= 0;  // else old numbers say nothing
-    if (advance == 0 && is_long && !has_begun(frame, silence_ns, interval_ns())) return -frames_back(frame);
+    const double back = advance == 0 && is_long && !has_begun(frame, silence_ns, interval_ns()) ? frames_back(frame) : 0;
+    if (back > 0) return -back;
     if (is_reopened_ || silence_ns > kLate_ns + period_ns_) return advance;
     const double passed = period_ns_ > 0 ? silence_ns / period_ns_ : frame.sequence + 1.0;
     if (advance == 0) return std::min(frame.sequence + 1.0, std::ceil(passed + kLate_ns / std::max(period_ns_, 1.0)));
