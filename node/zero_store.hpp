@@ -88,7 +88,7 @@ private:
     std::uint32_t number_ = 1;            // used by the pipeline only
     bool has_added_ = false;              // to the next order
     bool refused_ = false;                // there was no room for an order of the present number
-    std::atomic<std::uint32_t> done_{1};  // as if an order had been
+    std::atomic<std::uint32_t> done_{1};  // the first number
     std::atomic<bool> usable_{false}, stop_{false};
     RtThread thread_;
 };
