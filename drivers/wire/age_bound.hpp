@@ -31,6 +31,8 @@ public:
 
     // The device has measured a frame after the one before it, or it is an old one that has come before.
     enum class Origin : std::uint8_t { unknown, is_new, is_old };
+    static constexpr double kBegun_ns = 0.5e9;  // a clock that begins again has at most this, and the silence
+    static constexpr double kReplay_ns = 60e9;  // a path is taken to keep at most so much, which may come again
 
     AgeBound() : AgeBound(Limits()) {}
     explicit AgeBound(const Limits& limits) : limits_(limits), uncertainty_(limits.max_drift) {}
@@ -116,7 +118,7 @@ public:
     // How often the device's clock was set back, and has stayed so.
     [[nodiscard]] unsigned set_back() const noexcept { return set_back_; }
     // It was not known whether the frames since then were old ones that came again.
-    [[nodiscard]] bool has_gone_far_back() const noexcept { return may_be_old_; }
+    [[nodiscard]] bool may_be_old() const noexcept { return may_be_old_; }
     // The silence before the frame that showed it first, in which a lag may have begun that no clock shows.
     [[nodiscard]] double silence_before_set_back_ns() const noexcept { return back_silence_ns_; }
     // The last frame is the first one after a known period of the clock, which had been learned from an earlier end.
@@ -153,9 +155,8 @@ private:
     // A clock is not set eight times within minutes.
     static constexpr double kMaxJumps = 8, kJumpsForgotten = 1 / 60e9, kOneJump_ns = 0.5e9;
     // A clock that has gone back was set back, if it stays so for longer than it went back: else old frames come again, once
-    // or in a ring. A path is taken to keep at most a minute of them.
-    static constexpr double kSetBack_ns = 2e9, kReplay_ns = 60e9, kLonger = 1.1;
-    static constexpr double kBegun_ns = 0.5e9;             // a clock that begins again has at most this, and the silence
+    // or in a ring.
+    static constexpr double kSetBack_ns = 2e9, kLonger = 1.1;
     static constexpr double kEarlyWrap_ns = 1073741824e3;  // 2^30 us
     static constexpr double kWrapError_ns = 50e6;          // by which two delays differ that are no lag
 

@@ -66,9 +66,9 @@ private:
     static constexpr double kMaxWait_ns = 5e9;
     static constexpr double kMinClosed_ns = 200e6, kMaxClosed_ns = 2e9, kMissingFrames = 4;
     // A clock, or a counter, of a device that restarted has begun since the frame before it: it is this little ahead.
-    static constexpr double kBooted_us = 500'000, kBootedFrames = 3;
+    static constexpr double kBegun_us = AgeBound::kBegun_ns * 1e-3, kBegunFrames = 3;
     static constexpr std::uint32_t kMaxGap = 100;  // a larger one may be another device's
-    static constexpr double kReplay_ns = 60e9;     // old frames that come again are at most this old
+    static constexpr double kFastest_ns = 100e3;   // shortest interval of frames on a cable
 
     // ---- clock: stream_age_clock.hpp ----
     static constexpr double kWrap_ns = 4294967296e3;  // formats send 32 bits of microseconds
@@ -113,7 +113,6 @@ private:
     void begin_to_count() noexcept;
     [[nodiscard]] bool has_settled(double late, std::uint64_t host_ns) noexcept;
     [[nodiscard]] bool has_begun(const Frame& frame, double silence_ns, double interval_ns) const noexcept;
-    [[nodiscard]] double frames_back(const Frame& frame) const noexcept;
     void follow_run(const Frame& frame) noexcept;
     [[nodiscard]] double frames_since(const Frame& frame, double silence_ns) const noexcept;
     [[nodiscard]] double advance_of(const Frame& frame, double silence_ns) const noexcept;
@@ -163,11 +162,11 @@ private:
     bool is_no_clock_ = false;          // and it was faster still: its unit is another one
     std::uint64_t device_time_us_ = 0;  // the latest one
     double interval_us_ = 0;            // mean interval of the device's times
-    bool was_set_ = false;              // when it went back, the counter went on
 
     // The counter as a clock.
     std::uint32_t sequence_ = 0;
     double run_ = 0;                     // numbers before sequence_ that have been, without a large gap
+    double back_ = 0;                    // this frame's number is one of them, so far back; 0: it is not
     double behind_ = 0;                  // on a cable: frames until the counter is beyond the numbers that have been
     std::uint64_t behind_until_ns_ = 0;  // host time; and at the latest then
     double period_ns_ = 0;               // 0: not known yet
@@ -226,6 +225,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
         frame.age = Frame::Age::unproved;
         return;
     }
+    back_ = 0;
     if (frame.has_sequence) follow_run(frame);
     if (route_.device_clock && frame.device_time_us != 0)
         by_clock(frame, host_ns);
@@ -241,6 +241,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
     opened_ns_ = 0;
     has_frame_ = true;
     is_reopened_ = false;
+    if (frame.has_sequence) sequence_ = frame.sequence;
     host_ns_ = host_ns;
     t_ns_ = frame.t_ns;
 }

@@ -29,12 +29,12 @@ inline void StreamAge::begin_clock() noexcept {
                      (frame.device_time_us >> 32 != device_time_us_ >> 32 && ahead_us > step.silence_us + 1e6);
     // The clock of a device that restarted is small, too: else a short counter shows an old frame, or that a path has
     // discarded more frames than the counter's range.
-    step.counter_began = has_frame_ && !step.ended && frame.has_sequence && step.booted_us < kBooted_us + step.silence_us &&
+    step.counter_began = has_frame_ && !step.ended && frame.has_sequence && step.booted_us < kBegun_us + step.silence_us &&
                          frames_since(frame, double(host_ns - host_ns_)) == 0;
     // A device whose counter goes on has not restarted: its clock has passed its end, or was set back.
     const bool counts_on = frame.has_sequence && !is_reopened_ && !step.counter_began &&
                            double(frame.lost) * interval_us_ < step.silence_us + 1e6;
-    step.clock_began = has_frame_ && !step.ended && !counts_on && step.booted_us < kBooted_us + step.silence_us &&
+    step.clock_began = has_frame_ && !step.ended && !counts_on && step.booted_us < kBegun_us + step.silence_us &&
                        step.went_back && booted_us < device_time_us_ / 2 && step.silence_us > kLate_ns * 1e-3;
     // Either the clock was set on, or the device had paused while the path held its frames. A cable holds none. A leap after
     // the clock had gone back may be the end of old frames.
@@ -51,9 +51,7 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     if (frame.device_time_us > device_time_us_ && !is_reopened_ && has_frame_)
         interval_us_ += (std::min(double(frame.device_time_us - device_time_us_), 2e6) - interval_us_) * 0.05;
     const bool is_next = frame.has_sequence && !is_reopened_ && frame.sequence == sequence_ + 1 + frame.lost;
-    if (step.went_back) was_set_ = is_next;
-    const bool is_old = frame.has_sequence && has_frame_ && frames_back(frame) > 0 && !step.counter_began;
-    sequence_ = frame.sequence;
+    const bool is_old = back_ > 0 && !step.counter_began;
     const bool begins = is_reopened_ || step.clock_began || step.ended;
     device_time_us_ = begins ? frame.device_time_us : std::max(device_time_us_, frame.device_time_us);
     const unsigned set_back_before = bound_.set_back();
@@ -78,7 +76,7 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     // A path that has discarded a lag makes the frames as late as they were before it, and not earlier.
     const bool leapt_while_closed = is_reopened_ && late_ns_ > kLate_ns && bound_.has_fallen() && !began && is_network();
     const bool was_silent = bound_.silence_before_set_back_ns() > kLate_ns + interval_us_ * 1e3;
-    const bool may_be_old = !was_set_ && bound_.has_gone_far_back() && route_.reopening_discards;
+    const bool may_be_old = bound_.may_be_old() && route_.reopening_discards;
     const bool may_have_begun =
         set_back && !step.counter_began && !step.clock_began && is_network() && (was_silent || may_be_old);
     const bool too_fast = bound_.is_too_fast() && is_network();

@@ -6,23 +6,17 @@ namespace tactiled {
 
 // The device has restarted since the frame before: its counter has begun again. `interval_ns`: of its frames, or less.
 inline bool StreamAge::has_begun(const Frame& frame, double silence_ns, double interval_ns) const noexcept {
-    return interval_ns <= 0 || frame.sequence < kBootedFrames + silence_ns / interval_ns;
+    return interval_ns <= 0 || frame.sequence < kBegunFrames + silence_ns / interval_ns;
 }
 
-// By how many numbers the counter has gone back since the frame before, to one that has been; 0: it has not.
-inline double StreamAge::frames_back(const Frame& frame) const noexcept {
-    const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;
-    const std::uint32_t back = (sequence_ - frame.sequence) & mask;
-    return frame.lost == 0 && back <= mask / 2 && back <= run_ ? back : 0;
-}
-
-// Follows the run of numbers without a large gap, of which each was received.
+// Follows the run of numbers without a large gap, of which each has been. Only such numbers can come again.
 inline void StreamAge::follow_run(const Frame& frame) noexcept {
     const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;
-    const std::uint32_t steps = (frame.sequence - sequence_) & mask;
+    const std::uint32_t steps = (frame.sequence - sequence_) & mask, back = (sequence_ - frame.sequence) & mask;
+    back_ = has_frame_ && frame.lost == 0 && back <= mask / 2 && back <= run_ ? back : 0;
     if (steps <= kMaxGap)
         run_ += steps;
-    else if (frames_back(frame) <= 0)
+    else if (back_ <= 0)
         run_ = 0;
 }
 
@@ -113,8 +107,7 @@ inline double StreamAge::advance_of(const Frame& frame, double silence_ns) const
     const double advance = frames_since(frame, silence_ns);
     if (advance == 1) return advance;
     const bool is_long = range_ns(frame) > kShortest_ns || interval_ns() <= 0;  // else old numbers say nothing
-    const double back = advance == 0 && is_long && !has_begun(frame, silence_ns, interval_ns()) ? frames_back(frame) : 0;
-    if (back > 0) return -back;
+    if (advance == 0 && back_ > 0 && is_long && !has_begun(frame, silence_ns, interval_ns())) return -back_;
     if (is_reopened_ || silence_ns > kLate_ns + period_ns_) return advance;
     const double passed = period_ns_ > 0 ? silence_ns / period_ns_ : frame.sequence + 1.0;
     if (advance == 0) return std::min(frame.sequence + 1.0, std::ceil(passed + kLate_ns / std::max(period_ns_, 1.0)));
@@ -161,7 +154,7 @@ inline double StreamAge::late_while_learning(const Frame& frame, double advance,
 
 inline double StreamAge::late_by_counter(const Frame& frame, double advance, double silence_ns,
                                          std::uint64_t host_ns) noexcept {
-    counted_ += advance < 0 ? std::max(advance, -2 * kReplay_ns / period_ns_) : std::max(advance, 1.0);
+    counted_ += advance < 0 ? std::max(advance, -2 * AgeBound::kReplay_ns / period_ns_) : std::max(advance, 1.0);
     counted_ = std::max(counted_, 0.0);
     const unsigned set_back_before = bound_.set_back();
     const double late = bound_.late_ns(host_ns, std::uint64_t(counted_ * period_ns_));
@@ -177,7 +170,6 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
     proof_ = Proof::sequence;
     const double silence_ns = has_frame_ ? double(host_ns - host_ns_) : 0;
     const double advance = advance_of(frame, silence_ns);
-    sequence_ = frame.sequence;
     // The counter may have passed its end any number of times, and does not show how long the path held this frame.
     if (has_waited(host_ns) && silence_ns > range_ns(frame) / 2) must_reopen_ = true;
     bool late_is_known = period_ns_ > 0;
