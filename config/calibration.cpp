@@ -4,12 +4,12 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <boost/crc.hpp>
 #include <charconv>
 #include <chrono>
 
 #include "config/calibration_domain.hpp"
 #include "config/names.hpp"
+#include "config/seal.hpp"
 #include "config/text_file.hpp"
 
 namespace tactiled {
@@ -19,29 +19,6 @@ constexpr std::size_t kMaxBytes = std::size_t{16} << 20;
 constexpr std::size_t kMaxMethods = 16;
 constexpr Range kFinite{-1e300, 1e300};  // room below overflow for products of a few numbers
 constexpr Range kNotNegative{0, 1e300};
-
-// The last line, crc = "0x1234". It is read as text and not as TOML, because it is outside of every table.
-struct Seal {
-    std::size_t start;  // start of the line in the file; the file's end if there is none
-    std::optional<std::uint16_t> crc;
-};
-
-Seal find_seal(std::string_view bytes) {
-    std::size_t end = bytes.size();
-    if (end > 0 && bytes[end - 1] == '\n') --end;
-    if (end > 0 && bytes[end - 1] == '\r') --end;
-    const std::size_t before = bytes.substr(0, end).rfind('\n');
-    const std::size_t start = before == bytes.npos ? 0 : before + 1;
-    const std::string_view line = bytes.substr(start, end - start);
-    constexpr std::string_view kHead = "crc = \"0x";
-    std::uint16_t crc = 0;
-    if (line.size() != kHead.size() + 5 || line.substr(0, kHead.size()) != kHead || line.back() != '"')
-        return {bytes.size(), {}};
-    const char* digits_end = line.data() + kHead.size() + 4;
-    const auto [stop, error] = std::from_chars(line.data() + kHead.size(), digits_end, crc, 16);
-    if (error != std::errc{} || stop != digits_end) return {bytes.size(), {}};
-    return {start, crc};
-}
 
 bool is_date(const std::string& text) {
     int year = 0;
@@ -216,18 +193,12 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
 
 }  // namespace
 
-std::uint16_t calibration_crc(std::string_view bytes) {
-    boost::crc_optimal<16, 0x1021, 0xFFFF, 0, false, false> crc;
-    crc.process_bytes(bytes.data(), bytes.size());
-    return crc.checksum();
-}
-
 Calibration parse_calibration(std::string_view text, const std::string& name, Problems& problems) {
     Calibration calibration;
     calibration.path = name;
     const Seal seal = find_seal(text);
     const std::string_view body = text.substr(0, seal.start);
-    calibration.crc = calibration_crc(body);
+    calibration.crc = crc_of_lines(body);
     if (seal.crc && *seal.crc != calibration.crc) {
         const auto line = std::count(body.begin(), body.end(), '\n') + 1;
         problems.add(

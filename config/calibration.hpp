@@ -134,8 +134,6 @@ Calibration load_calibration(const std::string& path, Problems& problems);
 
 // Does the same from text; `name` stands for the file in errors.
 Calibration parse_calibration(std::string_view text, const std::string& name, Problems& problems);
-// CRC-16/CCITT-FALSE: polynomial 0x1021, starts at 0xFFFF, 0x29B1 of "123456789".
-std::uint16_t calibration_crc(std::string_view bytes);
 
 // Returns the file's text with the crc line. load(save(c)) == c to the last bit.
 std::string calibration_text(const Calibration& calibration);

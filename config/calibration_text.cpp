@@ -3,6 +3,7 @@
 
 #include "config/calibration.hpp"
 #include "config/names.hpp"
+#include "config/seal.hpp"
 #include "config/text_file.hpp"
 
 namespace tactiled {
@@ -131,7 +132,7 @@ std::string calibration_text(const Calibration& calibration) {
         out.text_ += "[[other]]  # another method, for the same channels and components\n";
         out.fit(other);
     }
-    return out.text_ + fmt::format("crc = \"0x{:04X}\"\n", calibration_crc(out.text_));
+    return sealed(out.text_);
 }
 
 void save_calibration(const Calibration& calibration, const std::string& path) {

@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <boost/crc.hpp>
 #include <cerrno>
 #include <chrono>
 #include <cstdlib>
@@ -15,6 +14,7 @@
 #include <utility>
 
 #include "config/options.hpp"
+#include "config/seal.hpp"
 #include "config/text_file.hpp"
 #include "node/log.hpp"
 #include "tactiled/reader.hpp"
@@ -31,14 +31,6 @@ constexpr char kInstalled[] = "/var/lib/tactiled";
 std::string variable(const char* name) {
     const char* const value = std::getenv(name);
     return value != nullptr ? value : "";
-}
-
-// CRC-32 of what follows the line "crc32 = …" in a file of zeros.
-std::int64_t crc32_of(std::string_view file) {
-    const std::size_t key = file.find("\ncrc32 = "), end = key == file.npos ? key : file.find('\n', key + 1);
-    boost::crc_32_type crc;
-    if (end != file.npos) crc.process_bytes(file.data() + end, file.size() - end);
-    return std::int64_t(crc.checksum());
 }
 
 std::string now_text() {
@@ -85,11 +77,13 @@ void ZeroStore::load() {
         return;
     Problems problems;
     if (const auto bytes = read_text_file(path_, kMaxBytes, problems)) {
-        Options file = Options::parse_text(*bytes, path_, problems);
+        const Seal seal = find_seal(*bytes);
+        const std::string_view lines = std::string_view(*bytes).substr(0, seal.start);
+        Options file = Options::parse_text(lines, path_, problems);
         if (problems.empty() && file.integer("format", {1, 1e9}) != kFormat)
             file.problem("format", fmt::format("this tactiled reads format = {}", kFormat));
-        if (problems.empty() && file.integer("crc32", {0, double(UINT32_MAX)}) != crc32_of(*bytes))
-            file.problem("crc32", "the file is damaged: its contents do not match this number");
+        if (problems.empty() && seal.crc != crc_of_lines(lines))
+            problems.add(path_, 0, "the file is damaged: its last line should be the checksum crc of the lines above");
         for (auto& table : file.tables("sensor", kMaxKept)) {
             Kept kept;
             kept.sensor = table.text("name");
@@ -107,8 +101,6 @@ void ZeroStore::load() {
             }
             kept_.push_back(std::move(kept));
         }
-        if (problems.empty() && file.integer("sensors", {0, double(kMaxKept)}) != std::int64_t(kept_.size()))
-            file.problem("sensors", "a part of the file is missing");
         file.finish();
     }
     if (problems.empty()) return;
@@ -222,9 +214,10 @@ ZeroStore::Kept* ZeroStore::find(const std::string& sensor) {
 }
 
 std::string ZeroStore::text() const {
-    const std::string head =
-        "# The zeros of tares, restored when the daemon starts. Written by tactiled; N and Nm in the sensor's frame S.\n";
-    std::string out = fmt::format("\nformat = {}\nsensors = {}\n", kFormat, kept_.size());
+    std::string out = fmt::format(
+        "# The zeros of tares, restored when the daemon starts. Written by tactiled; N and Nm in the sensor's frame S.\n"
+        "format = {}\n",
+        kFormat);
     for (const Kept& kept : kept_) {
         out += fmt::format("\n[[sensor]]\nname = {}\nserial = {}\ncalibration_id = {}\ntime = {}\ntare_count = {}\n",
                            toml_text(kept.sensor), toml_text(kept.serial), kept.id, toml_text(kept.time), kept.tare_count);
@@ -235,8 +228,7 @@ std::string ZeroStore::text() const {
                 fmt::format("[[sensor.zero]]\nmethod = {}\nwrench_S = [{}]\n", toml_text(method), fmt::join(numbers, ", "));
         }
     }
-    const std::string line = "crc32 = ";
-    return fmt::format("{}{}{}{}", head, line, crc32_of(head + line + out), out);
+    return sealed(out);
 }
 
 void ZeroStore::write() noexcept try {

@@ -10,6 +10,7 @@
 #include <limits>
 #include <random>
 
+#include "config/seal.hpp"
 #include "folder.hpp"
 
 namespace tactiled {
@@ -162,14 +163,14 @@ TEST(Calibration, ReadsParametersAsATableToo) {
     EXPECT_EQ(parse(text, problems).parameters.at("normal_inner"), 1e-3);
     text += "crc = \"0x" + [&] {
         char digits[5];
-        std::snprintf(digits, sizeof digits, "%04x", calibration_crc(text));
+        std::snprintf(digits, sizeof digits, "%04x", crc_of_lines(text));
         return std::string(digits);
     }() + "\"\n";
     EXPECT_EQ(parse(text, problems).parameters.size(), 1u);  // the crc line is not a parameter
     EXPECT_EQ(problems.lines(), Lines{});
 }
 
-TEST(Calibration, CrcIsTheKnownOne) { EXPECT_EQ(calibration_crc("123456789"), 0x29B1); }
+TEST(Calibration, CrcIsTheKnownOne) { EXPECT_EQ(crc_of_lines("123456789"), 0x29B1); }
 
 TEST(Calibration, RefusesAChangedFileAndSaysWhatToDo) {
     std::string text = calibration_text(example());
@@ -184,7 +185,7 @@ TEST(Calibration, RefusesAChangedFileAndSaysWhatToDo) {
     text.erase(text.rfind("crc"));
     EXPECT_EQ(errors(text), Lines{});
     Problems problems;
-    EXPECT_EQ(parse(text, problems).crc, calibration_crc(text));
+    EXPECT_EQ(parse(text, problems).crc, crc_of_lines(text));
 }
 
 TEST(Calibration, WantsTheCrcAsTheLastLine) {

@@ -180,7 +180,7 @@ TEST_F(ZeroStoreTest, ADamagedFileMayHaveHeldAnyTare) {
 TEST_F(ZeroStoreTest, ADamagedBitOrACharacterTooFewIsFound) {
     run_and_tare();
     const std::string good = text();
-    for (std::size_t i = good.find('\n'); i < good.size(); i += 3) {
+    for (std::size_t i = 0; i < good.rfind("crc"); i += 3) {
         for (const bool removes : {false, true}) {
             std::string damaged = good;
             if (removes)
@@ -191,7 +191,7 @@ TEST_F(ZeroStoreTest, ADamagedBitOrACharacterTooFewIsFound) {
             expect_lost(after(owner()));
         }
     }
-    write("# no tare\nformat = 2\nsensors = 0\n");
+    write("# no tare\nformat = 2\n");
     expect_lost(after(owner()));
 }
 
