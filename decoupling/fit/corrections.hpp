@@ -1,6 +1,7 @@
 // The common part of the fits of model "generic" beyond its matrix: they fit the matrix first, then a correction of
 // its residuals.
 #pragma once
+#include <algorithm>
 #include <vector>
 
 #include "decoupling/fit/fit.hpp"
@@ -28,6 +29,14 @@ Eigen::MatrixXd units_left(const Scaled& scaled);
 
 // Returns (1, u_1 .. u_n, u_1 u_1, u_1 u_2 .. u_n u_n) for each row.
 Eigen::MatrixXd quadratic_features(const Eigen::MatrixXd& u);
+
+// Calls f(first row, features_of(rows of `u`)) for each chunk of the rows begin .. end: features take much memory.
+template <class FeaturesOf, class F>
+void for_each_chunk(const Eigen::MatrixXd& u, Eigen::Index begin, Eigen::Index end, const FeaturesOf& features_of,
+                    const F& f) {
+    constexpr Eigen::Index kChunk = 2048;
+    for (; begin < end; begin += kChunk) f(begin, features_of(u.middleRows(begin, std::min(kChunk, end - begin))));
+}
 
 // Solves (feature' feature + ridge rows I)^-1 feature' y. The ridge bounds the condition number of the features,
 // whose mean square is about 1, by 1 / ridge, so that the normal equations lose no significant digit.

@@ -16,13 +16,6 @@ namespace {
 // Features have a mean square of 1. With less than the first, products of combinations of channels that show only noise
 // would count.
 constexpr std::array kRidges{1e-10, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1};
-constexpr Eigen::Index kChunk = 2048;  // rows whose features are in memory at a time
-
-// Calls f(first row, features) for each chunk of the rows begin .. end.
-template <class F>
-void for_each_chunk(const Eigen::MatrixXd& u, Eigen::Index begin, Eigen::Index end, const F& f) {
-    for (; begin < end; begin += kChunk) f(begin, quadratic_features(u.middleRows(begin, std::min(kChunk, end - begin))));
-}
 
 // Returns for each component the index of its ridge, kRidges.size(): no correction. A calibration that is
 // fitted again to a part of its rows keeps its ridges: a part, such as one session, does not show how sessions differ.
@@ -47,7 +40,7 @@ std::vector<std::size_t> ridges_of(const Rows& rows, const Scaled& scaled, const
 // Returns the triangle of (features, y): its last columns are y in the basis of the features.
 Eigen::MatrixXd triangle_of(const Eigen::MatrixXd& u, const Eigen::MatrixXd& y, Eigen::Index n_features) {
     Eigen::MatrixXd triangle(0, n_features + y.cols());
-    for_each_chunk(u, 0, u.rows(), [&](Eigen::Index at, const Eigen::MatrixXd& features) {
+    for_each_chunk(u, 0, u.rows(), quadratic_features, [&](Eigen::Index at, const Eigen::MatrixXd& features) {
         Eigen::MatrixXd stacked(triangle.rows() + features.rows(), triangle.cols());
         stacked << triangle, features, y.middleRows(at, features.rows());
         triangle = dense::triangle_of(stacked);

@@ -13,8 +13,7 @@ namespace {
 
 constexpr std::size_t kParts = 5, kBlocksPerPart = 5;
 constexpr double kWorth = 0.95, kStandardErrors = 2;
-constexpr double kTiny = 1e-13;        // keeps the Gram matrix of the channels definite
-constexpr Eigen::Index kChunk = 2048;  // rows whose features are in memory at a time
+constexpr double kTiny = 1e-13;  // keeps the Gram matrix of the channels definite
 
 // Returns the part in which each row is left out, 0 .. kParts - 1: as in the validation, in fewer parts. Copies of a row
 // with random zeros stay together.
@@ -112,16 +111,13 @@ Eigen::MatrixXd clamped(const Eigen::MatrixXd& u, Eigen::Index begin, Eigen::Ind
 std::vector<HeldOutErrors> held_out_errors(const Rows& rows, const Scaled& scaled, const FeaturesOf& features_of,
                                            std::span<const double> ridges) {
     const Sorted sorted = sorted_by_part(rows, scaled);
-    const auto for_each_chunk = [&](const Eigen::MatrixXd& u, Eigen::Index begin, Eigen::Index end, const auto& f) {
-        for (; begin < end; begin += kChunk) f(begin, features_of(u.middleRows(begin, std::min(kChunk, end - begin))));
-    };
     const std::size_t parts = sorted.begin.size() - 1;
     const Eigen::Index n_features = features_of(sorted.u.topRows(1)).cols(), n_y = sorted.y.cols();
     const Normal none{Eigen::MatrixXd::Zero(n_features, n_features), Eigen::MatrixXd::Zero(n_features, n_y)};
     std::vector<Normal> of_part(parts, none);
     Normal all = none;
     for (std::size_t part = 0; part < parts; ++part) {
-        for_each_chunk(sorted.u, sorted.begin[part], sorted.begin[part + 1],
+        for_each_chunk(sorted.u, sorted.begin[part], sorted.begin[part + 1], features_of,
                        [&](Eigen::Index at, const Eigen::MatrixXd& features) {
                            of_part[part].gram.selfadjointView<Eigen::Lower>().rankUpdate(features.transpose());
                            of_part[part].feature_y += features.transpose() * sorted.y.middleRows(at, features.rows());
@@ -141,7 +137,7 @@ std::vector<HeldOutErrors> held_out_errors(const Rows& rows, const Scaled& scale
                                           .rowwise() -
                                       solved.linear.row(0));
         const auto sum_up = [&](const Eigen::MatrixXd& u, BlockErrors HeldOutErrors::*kind) {
-            for_each_chunk(u, 0, end - begin, [&](Eigen::Index at, const Eigen::MatrixXd& features) {
+            for_each_chunk(u, 0, end - begin, features_of, [&](Eigen::Index at, const Eigen::MatrixXd& features) {
                 for (Eigen::Index r = 0; r < columns; ++r) {
                     Eigen::MatrixXd error = left.middleRows(at, features.rows());
                     if (r + 1 < columns) error -= features * solved.correction[std::size_t(r)];

@@ -10,7 +10,7 @@ namespace tactiled {
 inline constexpr std::size_t kFewestRows = 30;  // fewer rows do not show these mistakes
 
 // Warns of a channel that counts rows, of one that is cut off at its end, of labels that are 0 under load, of labels
-// that are late, of times in milliseconds, and of a recording without unloading.
+// that are late, of times that go backwards or are in milliseconds, and of a recording without unloading.
 // setup: throws Undetermined where a channel has a mark for missing values, and where check_sessions does
 void check_recording(const Labelled& labelled, const Rows& rows, std::vector<std::string>& warnings);
 
