@@ -340,14 +340,9 @@ TEST(CurvedDomain, OfAWrongShapeIsRefused) {
              {"    [4.0, 20.0],\n", "    [20.0],\n"},
              {"curved.limit = 4.0", "curved.limit = 0.0"},
              {"growth = 0.5", "growth = -0.5"}}) {
-        std::string text = calibration_text(by_hand());
-        text.resize(text.rfind("crc"));
-        const auto at = text.find(from);
-        ASSERT_NE(at, text.npos) << from;
-        text.replace(at, from.size(), to);
-        Problems problems;
-        parse_calibration(text, "c.toml", problems);
-        EXPECT_EQ(problems.lines().size(), 1u) << to;
+        const auto problems = problems_of(by_hand(), from, to);
+        ASSERT_EQ(problems.size(), 1u) << to;
+        EXPECT_NE(problems.front().find("joint_domain"), std::string::npos) << problems.front();
     }
     const auto spoil = [](auto change) {
         Calibration calibration = by_hand();

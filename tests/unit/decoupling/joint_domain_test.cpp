@@ -255,14 +255,9 @@ TEST(JointDomain, OfAWrongShapeIsRefused) {
                                                                                    {"limit = 2.0", "limit = nan"},
                                                                                    {"    [-10.0, 10.0],\n", ""},
                                                                                    {"[-10.0, 10.0]", "[10.0]"}}) {
-        std::string text = calibration_text(by_hand());
-        text.resize(text.rfind("crc"));
-        const auto at = text.find(from);
-        ASSERT_NE(at, text.npos) << from;
-        text.replace(at, from.size(), to);
-        Problems problems;
-        parse_calibration(text, "c.toml", problems);
-        EXPECT_EQ(problems.lines().size(), 1u) << to;
+        const auto problems = problems_of(by_hand(), from, to);
+        ASSERT_EQ(problems.size(), 1u) << to;
+        EXPECT_NE(problems.front().find("joint_domain"), std::string::npos) << problems.front();
     }
     Calibration calibration = by_hand();
     calibration.joint_domain.whitening.pop_back();

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "config/calibration.hpp"
 #include "decoupling/decoupler.hpp"
 
 namespace tactiled {
@@ -34,6 +35,18 @@ inline Calibration table_calibration(std::vector<std::string> channels) {
 
 inline std::vector<std::string> inner_gauges() { return {"R1", "R3", "R5", "R7"}; }
 inline std::vector<std::string> all_gauges() { return {"R1", "R2", "R3", "R4", "R5", "R6", "R7", "R8"}; }
+
+// Returns the problems in the file of a calibration of which `from` is replaced by `to`.
+inline std::vector<std::string> problems_of(const Calibration& calibration, const std::string& from, const std::string& to) {
+    std::string text = calibration_text(calibration);
+    text.resize(text.rfind("crc"));
+    const auto at = text.find(from);
+    if (at == text.npos) return {"there is no " + from};
+    text.replace(at, from.size(), to);
+    Problems problems;
+    parse_calibration(text, "c.toml", problems);
+    return problems.lines();
+}
 
 // Returns the reason why a calibration that must be refused is refused.
 inline std::string refusal(const Calibration& calibration, const std::string& method = "") {
