@@ -89,6 +89,7 @@ protected:
     void make_pipeline() {
         node_.plan.name = "serve-test-" + std::to_string(::getpid());
         node_.plan.history = 16384;
+        node_.plan.watchdog_ms = 60'000;  // the values are read after the threads have ended
         segment_ = std::make_unique<SegmentWriter>(node_.plan);
         pipeline_ = std::make_unique<Pipeline>(node_.links, node_.sensors, *segment_, 0u);
         pipeline_->start(monotonic_ns());
