@@ -94,7 +94,8 @@ void steps(Builder& b, Options& m) {
 // Moves from one random load to the next and holds each, as a calibration needs it. The loads are uniformly
 // distributed: the press, the shear in any direction up to a share of its maximum, the place on a disc. Mirrored: all
 // of them again in the same order, with shear and place rotated by 180 degrees. The memory of the skin for a shear is
-// then the opposite at the same press, so that a fit does not attribute it to the press.
+// then the opposite at the same press, so that a fit does not attribute it to the press. With `rest_s`: as in use, groups
+// of 1 to 8 loads, of a tenth of these sizes to all of it, and the load is released after each group.
 void wander(Builder& b, Options& m) {
     const auto count = std::size_t(m.integer("count", {1, 10'000}));
     const Stream random(std::uint64_t(m.integer("seed", {0, 9e15}, 1)), "wander");
@@ -102,14 +103,21 @@ void wander(Builder& b, Options& m) {
     const double shear_N = m.number("shear_to_N", kForce_N, 0), within_m = m.number("within_m", {0, 1}, 0);
     const double in_s = m.number("in_s", kSeconds, 0.05), hold_s = m.number("hold_s", kSeconds, 0.2);
     if (min_N > max_N) m.problem("press_from_N", "press_from_N is more than press_to_N");
+    const double rest_s = m.number("rest_s", kSeconds, 0);
     const bool mirrored = m.flag("mirrored", false);
     const Course course = read_course(m);
     State to = b.state;
+    double share = 1;
+    std::size_t left = 0;  // loads of this group
     for (std::size_t k = 0; k < (mirrored ? 2 * count : count); ++k) {
         const std::size_t i = k % count;
         const double turned_rad = k < count ? 0 : std::numbers::pi;
-        to.press_N = min_N + (max_N - min_N) * random.uniform(i, 0);
-        to.shear_N = shear_N * std::sqrt(random.uniform(i, 1));
+        if (rest_s > 0 && left == 0) {
+            left = std::min(1 + std::size_t(8 * random.uniform(i, 5)), count - i);
+            share = 0.1 + 0.9 * random.uniform(i, 6);
+        }
+        to.press_N = share * (min_N + (max_N - min_N) * random.uniform(i, 0));
+        to.shear_N = share * shear_N * std::sqrt(random.uniform(i, 1));
         to.direction_rad = 2 * std::numbers::pi * random.uniform(i, 2) + turned_rad;
         if (within_m > 0) {
             const double away_m = within_m * std::sqrt(random.uniform(i, 3)),
@@ -120,6 +128,11 @@ void wander(Builder& b, Options& m) {
         if (b.state.shear_N == 0) b.state.direction_rad = to.direction_rad;
         b.add("wander", in_s, to, course);
         b.add("wander", hold_s, to);
+        if (rest_s > 0 && --left == 0) {
+            to.press_N = to.shear_N = 0;
+            b.add("wander", in_s, to, course);
+            b.add("wander", rest_s, to);
+        }
     }
 }
 

@@ -16,7 +16,9 @@
 //   consistency_bench parts FIRST COUNT [SCENE]    the scenes on COUNT sensors, each calibrated by itself: terms of the
 //   variance,
 //                                                  and sharpness beside that of oracles that know the errors in use
-//                                                  (calibrated in use with rests if the environment has RESTS)
+//                                                  (the environment's RESTS=1: calibrated in use with rests; RESTS=also:
+//                                                  in the scene's recording and then in use with rests; SETTLED=1: samples
+//                                                  under a load that moves are left out)
 //   consistency_bench lost FIRST COUNT [SCENE]     the undamaged scenes: GOOD samples that each check costs
 //   consistency_bench damage FIT.csv JUDGE.csv     a recording: one channel after the other damaged while the rows of JUDGE
 //                                                  run; GOOD, and GOOD and off by more than 10 % of full scale, or by 5 sd;

@@ -150,32 +150,24 @@ void print(const std::string& name, const Kind& kind, const Oracles* oracles) {
     std::fflush(stdout);
 }
 
-// The loads of a calibration scene at random shares of their size, with rests: other loads than the calibration's, and the
-// same places. "" if no load wanders there.
+// The loads of a calibration scene with another seed, and with rests: other loads than the calibration's, and the same
+// places. "" if no load wanders there.
 std::string use_of(const fs::path& path, std::uint64_t seed, bool rests = true) {
-    const int blocks = rests ? 25 : 1;
     std::ifstream in(path);
-    std::string text{std::istreambuf_iterator<char>(in), {}};
-    const auto wander = text.rfind("do = \"wander\"\n");
+    const std::string text{std::istreambuf_iterator<char>(in), {}}, begin = "[[motion]]\ndo = \"wander\"\n";
+    const auto wander = text.find(begin);
     if (wander == std::string::npos) return "";
-    const auto number = [&](const char* key, double otherwise) {
-        const auto at = text.find(fmt::format("\n{} = ", key), wander);
-        return at == std::string::npos ? otherwise : std::stod(text.substr(text.find('=', at) + 1));
-    };
-    const double from_N = number("press_from_N", 0), to_N = number("press_to_N", 0), shear_N = number("shear_to_N", 0),
-                 within_m = number("within_m", 0), in_s = number("in_s", 0.05), hold_s = number("hold_s", 0.2);
-    std::string use = text.substr(0, text.find("[[motion]]")) + "[[motion]]\ndo = \"hold\"\nfor_s = 1\n";
-    std::mt19937_64 random(seed);
-    for (int block = 0; block < blocks; ++block) {
-        const double share = rests ? std::uniform_real_distribution(0.1, 1.0)(random) : 1;
-        use += fmt::format(
-            "[[motion]]\ndo = \"wander\"\ncount = {}\nseed = {}\npress_from_N = {}\npress_to_N = {}\n"
-            "shear_to_N = {}\nwithin_m = {}\nin_s = {}\nhold_s = {}\n",
-            rests ? std::uniform_int_distribution(1, 8)(random) : 120, std::uniform_int_distribution(1, 1'000'000)(random),
-            share * from_N, share * to_N, share * shear_N, within_m, in_s, hold_s);
-        use += fmt::format("[[motion]]\ndo = \"release\"\n[[motion]]\ndo = \"hold\"\nfor_s = {}\n", std::max(0.7, hold_s));
-    }
-    return use;
+    std::string loads = text.substr(wander + begin.size());
+    loads = "\n" + loads.substr(0, loads.find("[["));
+    for (const char* const own : {"count", "seed", "rest_s", "mirrored"})
+        if (const auto at = loads.find(fmt::format("\n{} = ", own)); at != std::string::npos)
+            loads.erase(at, loads.find('\n', at + 1) - at);
+    const auto hold = loads.find("\nhold_s = ");
+    const double hold_s = hold == std::string::npos ? 0.2 : std::stod(loads.substr(loads.find('=', hold) + 1));
+    return text.substr(0, text.find("[[motion]]")) + "[[motion]]\ndo = \"hold\"\nfor_s = 1\n" + begin +
+           fmt::format("count = 120\nseed = {}\nrest_s = {}", std::mt19937_64(seed)() % 1'000'000 + 1,
+                       rests ? std::max(0.7, hold_s) : 0) +
+           loads;
 }
 
 class Sensors {
@@ -225,11 +217,25 @@ private:
         if (calibrations.count(part) == 0) {
             const fs::path path = folder_ / e.calibration.substr(6);
             CalibrationOfScene of = calibration_of_scene(path, e.method);
-            if (std::getenv("RESTS") != nullptr && !use_of(path, part).empty())
+            const auto rows_of_part = [&] {
+                of.scene.scene.seed = part;
+                for (sim::Sensor& sensor : of.scene.scene.sensors) sensor.serial += kSerials * part;
+                return ctl::calibration_rows(of.scene, e.max_rows);
+            };
+            const char* const rests = use_of(path, part).empty() ? nullptr : std::getenv("RESTS");
+            Labelled rows;
+            if (rests == nullptr || std::string(rests) == "also") rows = rows_of_part();
+            if (rests != nullptr) {
                 of.scene.scene = scene_of_use(path, 1'000'000 + part);
-            of.scene.scene.seed = part;
-            for (sim::Sensor& sensor : of.scene.scene.sensors) sensor.serial += kSerials * part;
-            calibrations[part] = fit(ctl::calibration_rows(of.scene, e.max_rows), of.request).calibration;
+                const std::uint64_t end_ns = rows.rows.empty() ? 0 : rows.rows.back().t_ns;
+                Labelled in_use = rows_of_part();
+                for (LabelledRow& row : in_use.rows) row.t_ns += end_ns;
+                if (rows.rows.empty())
+                    rows = std::move(in_use);
+                else
+                    std::move(in_use.rows.begin(), in_use.rows.end(), std::back_inserter(rows.rows));
+            }
+            calibrations[part] = fit(rows, of.request).calibration;
         }
         return calibrations[part];
     }

@@ -163,6 +163,37 @@ TEST(Scene, AWanderStaysWithinItsLoadsAndHangsOnItsSeed) {
     EXPECT_NE(w.fz, wander(2).fz);
 }
 
+TEST(Scene, AWanderWithRestsHasLoadsOfAllSizesAndReleasesThem) {
+    const std::string wander =
+        "[[motion]]\ndo = \"wander\"\ncount = 40\npress_from_N = 0.5\npress_to_N = 1\nshear_to_N = 0.5\nin_s = 0.01\n"
+        "hold_s = 0.04\n";
+    EXPECT_GE(-world_of(wander).fz[20], 0.5);
+    for (const char* const more : {"", "mirrored = true\n"}) {
+        const World w = world_of(wander + "rest_s = 0.08\n" + more);
+        std::vector<double> held;  // one of each load
+        std::size_t rests = 0, group = 0, longest = 0;
+        for (std::size_t i = 30; i < w.fz.size(); i += 50) {
+            if (w.fz[i] == 0) {
+                EXPECT_EQ(std::hypot(w.fx[i], w.fy[i]), 0);
+                for (std::size_t k = i - 15; k < i + 50; ++k) EXPECT_EQ(w.fz.at(k), 0) << i;
+                i += 40;  // 10 ms of release and 80 ms of rest
+                ++rests;
+                group = 0;
+            } else {
+                held.push_back(-w.fz[i]);
+                longest = std::max(longest, ++group);
+            }
+        }
+        EXPECT_EQ(group, 0u);  // the last one is released, too
+        EXPECT_EQ(held.size(), *more != 0 ? 80u : 40u);
+        EXPECT_GE(rests, held.size() / 8);
+        EXPECT_LE(longest, 8u);
+        EXPECT_GT(longest, 3u);
+        EXPECT_LT(*std::min_element(held.begin(), held.end()), 0.3);  // of 0.5
+        EXPECT_GT(*std::max_element(held.begin(), held.end()), 0.7);
+    }
+}
+
 TEST(Scene, AMirroredWanderComesAgainTurnedByHalfATurn) {
     const auto wander = [](const std::string& more) {
         return world_of(
