@@ -303,6 +303,10 @@ void judge_parts(const std::string& folder, std::uint64_t first, std::uint64_t c
 // setup: throws SetupError
 void judge_lost(const std::string& folder, std::uint64_t first, std::uint64_t count, const std::string& name);
 
+// consistency_lost.cpp: for each row, whether the daemon, with its default limits, would call a channel of the calibration
+// frozen. Simulated channels are not known to be noisy.
+std::vector<bool> is_frozen(const Candidate& candidate, const Labelled& rows);
+
 // consistency_damage.cpp: each damage of the channels of a recording. setup: throws SetupError
 void judge_damage(const std::string& fit_file, const std::string& judge_file, const std::string& methods);
 

@@ -8,7 +8,8 @@
 //                                                  and of an oracle that knows the load; the oracle's beyond 5 sd
 //   consistency_bench costs [MODEL]                ns per sample of parity, joint domain and latency
 //   consistency_bench scenes [NAME]                the same for the scenes with an [[expect]]
-//   consistency_bench damaged FIRST COUNT [MODEL]  the damaged scenes with COUNT seeds from FIRST on: GOOD and beyond 5 sd
+//   consistency_bench damaged FIRST COUNT [MODEL]  the damaged scenes with COUNT seeds from FIRST on: GOOD and beyond 5 sd,
+//                                                  with the detection of frozen channels, and without
 //   consistency_bench alarms HOURS [MODEL]         use with a load that wanders, other loads and noise than the
 //   calibration's,
 //                                                  and with each of these held away; calibrations of 1 to 5 sessions. The
@@ -25,12 +26,13 @@
 //                                                  in some component; with parity if the environment has PARITY; ns of
 //                                                  the checks
 //
-// Frozen channels are not looked for: that is the node's, before the model.
+// Only "damaged" and "lost" look for frozen channels, which the node does before the model.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -63,27 +65,38 @@ void damaged(const std::string& folder, const std::vector<Contest>& contests, st
             candidates.back().name += ", no parity";
             candidates.back().calibration.parity = {};
         }
-        std::vector<std::vector<double>> undetected(candidates.size());
+        std::vector<std::vector<double>> undetected(candidates.size()), also_frozen(candidates.size());
         std::vector<double> good(candidates.size());
         for (std::uint64_t seed = first; seed < first + count; ++seed) {
             sim::Scene scene = sim::read_scene(fmt::format("{}/tradeoff_{}_damaged.toml", folder, of));
             scene.seed = seed;
             const Labelled rows = rows_of(scene, kMaxOfScene);
+            const auto shares_of = [&](const Candidate& candidate, const std::vector<bool>& only) {
+                Course course(candidate, rows, scene.delay_s(scene.sensors.front()));
+                course.judge(rows, 0, 1e9, only);
+                return course.shares();
+            };
             for (std::size_t i = 0; i < candidates.size(); ++i) {
-                Course course(candidates[i], rows, scene.delay_s(scene.sensors.front()));
-                course.judge(rows);
-                const Shares s = course.shares();
-                undetected[i].push_back(percent(s.undetected, s.samples));
-                good[i] += percent(s.good, s.samples) / double(count);
+                const Shares all = shares_of(candidates[i], {});
+                std::vector<bool> not_frozen = is_frozen(candidates[i], rows);
+                not_frozen.flip();
+                also_frozen[i].push_back(percent(all.undetected, all.samples));
+                undetected[i].push_back(percent(shares_of(candidates[i], not_frozen).undetected, all.samples));
+                good[i] += percent(all.good, all.samples) / double(count);
             }
         }
+        const auto print = [&](const std::vector<double>& of_seeds) {
+            const auto worst = std::max_element(of_seeds.begin(), of_seeds.end());
+            fmt::print("mean {:>6.2f} %, worst {:>6.2f} % (seed {})",
+                       std::accumulate(of_seeds.begin(), of_seeds.end(), 0.0) / double(count), *worst,
+                       first + std::uint64_t(worst - of_seeds.begin()));
+        };
         for (std::size_t i = 0; i < candidates.size(); ++i) {
-            double mean = 0;
-            for (const double each : undetected[i]) mean += each / double(count);
-            const auto worst = std::max_element(undetected[i].begin(), undetected[i].end());
-            fmt::print("{:<34} undetected mean {:>6.2f} %, worst {:>6.2f} % (seed {}), GOOD {:>5.1f} %\n",
-                       contest.model + "/" + candidates[i].name, mean, *worst,
-                       first + std::uint64_t(worst - undetected[i].begin()), good[i]);
+            fmt::print("{:<34} undetected ", contest.model + "/" + candidates[i].name);
+            print(undetected[i]);
+            fmt::print(", without frozen ");
+            print(also_frozen[i]);
+            fmt::print(", GOOD {:>5.1f} %\n", good[i]);
         }
     }
 }

@@ -18,17 +18,16 @@ namespace fs = std::filesystem;
 constexpr int kFrozenAfter = 100, kFrozenTimes = 10;
 constexpr double kFrozenUnknown_s = 10;
 
-// Returns the share of rows, in %, in which a channel of the calibration repeats for too long. Simulated channels are not
-// known to be noisy.
-double frozen_percent(const Candidate& candidate, const Labelled& rows) {
+}  // namespace
+
+std::vector<bool> is_frozen(const Candidate& candidate, const Labelled& rows) {
     const Repeats& repeats = candidate.calibration.repeats;
     std::vector<double> storage;
     const auto readings = ctl::readings_of(candidate, rows, storage);
     std::vector<int> equal(candidate.calibration.channels.size(), 1);
     std::vector<std::uint64_t> moved_ns(equal.size());
-    std::size_t frozen = 0;
-    for (std::size_t i = 1; i < readings.size(); ++i) {
-        bool any = false;
+    std::vector<bool> frozen(readings.size());
+    for (std::size_t i = 1; i < readings.size(); ++i)
         for (std::size_t k = 0; k < equal.size(); ++k) {
             const bool repeats_now = readings[i].channel[k] == readings[i - 1].channel[k];
             equal[k] = repeats_now ? equal[k] + 1 : 1;
@@ -37,12 +36,12 @@ double frozen_percent(const Candidate& candidate, const Labelled& rows) {
             if (!repeats.readings.empty() && run == 0) continue;
             const int after = std::max(kFrozenAfter, kFrozenTimes * run);
             const double longest_s = repeats.readings.empty() ? kFrozenUnknown_s : kFrozenTimes * run * repeats.interval_s;
-            any = any || (equal[k] >= after && double(readings[i].t_ns - moved_ns[k]) * 1e-9 >= longest_s);
+            if (equal[k] >= after && double(readings[i].t_ns - moved_ns[k]) * 1e-9 >= longest_s) frozen[i] = true;
         }
-        frozen += any;
-    }
-    return percent(frozen, readings.size());
+    return frozen;
 }
+
+namespace {
 
 struct Lost {
     std::size_t samples = 0, good = 0, by_domain = 0, by_parity = 0, by_disagreement = 0;
@@ -71,7 +70,8 @@ void add(const Candidate& all, const sim::Scene& scene, const Expectation& e, Lo
     lost.has_domain = all.calibration.joint_domain.limit > 0;
     lost.has_parity = !all.calibration.parity.sd.empty();
     if (lost.has_parity) lost.by_parity += without.good - std::min(without.good, shares_of(parity, rows, scene, e).good);
-    lost.frozen = std::max(lost.frozen, frozen_percent(all, rows));
+    const std::vector<bool> frozen = is_frozen(all, rows);
+    lost.frozen = std::max(lost.frozen, percent(std::size_t(std::count(frozen.begin(), frozen.end(), true)), frozen.size()));
 }
 
 }  // namespace
