@@ -10,6 +10,8 @@ namespace {
 
 // A channel of few bits repeats itself for some rows at rest; fewer rows than this show nothing.
 constexpr std::size_t kStuckRows = 10;
+// The means of a quarter of fewer rows scatter by half as much as a reading, or more.
+constexpr std::size_t kMovingRows = 20;
 // A creeping skin moves less within some seconds, and a changing load more.
 constexpr double kMoved = 0.05;
 
@@ -35,19 +37,17 @@ Steadiness steadiness_of(const std::vector<CapturedRow>& rows, std::size_t k, co
     for (const double value : values) s.sd += (value - s.mean) * (value - s.mean);
     s.sd = n < 2 ? 0 : std::sqrt(s.sd / double(n - 1));
     s.drift = mean(n - quarter, n) - mean(0, quarter);
+    s.moves = n >= kMovingRows && std::abs(s.drift) > 2 * s.sd;
     s.stuck = n >= kStuckRows && s.min == s.max;  // until the others are known
     return s;
 }
 
 }  // namespace
 
-// The means of a quarter scatter far less than a reading.
-bool Steadiness::moves() const { return std::abs(drift) > 2 * sd; }
-
 std::vector<std::string> moving_channels(const std::vector<Steadiness>& channels, const CaptureFile& file) {
     std::vector<std::string> names;
     for (std::size_t k = 0; k < channels.size(); ++k)
-        if (channels[k].moves() && file.range(k) > 0 && std::abs(channels[k].drift) > kMoved * file.range(k))
+        if (channels[k].moves && file.range(k) > 0 && std::abs(channels[k].drift) > kMoved * file.range(k))
             names.push_back(channels[k].name);
     return names;
 }
@@ -75,7 +75,7 @@ void print_load(const std::vector<CapturedRow>& rows, const std::vector<Steadine
                rows.size(), seconds, "channel", "mean", "sd", "lowest", "highest", "drift");
     for (const Steadiness& s : channels) {
         fmt::print("{:>10} {:>12.6g} {:>10.3g} {:>12.6g} {:>12.6g} {:>10.3g}{}{}\n", s.name, s.mean, s.sd, s.min, s.max,
-                   s.drift, s.moves() ? "  still moves: wait longer, --settle" : "",
+                   s.drift, s.moves ? "  still moves: wait longer, --settle" : "",
                    s.missing != 0 ? fmt::format("  {} missing", s.missing) : "");
     }
     for (const auto& line : stuck_channels(channels)) fmt::print("warning: {}\n", line);

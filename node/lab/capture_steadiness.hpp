@@ -13,8 +13,8 @@ struct Steadiness {
     std::string name;
     double mean = 0, sd = 0, min = 0, max = 0, drift = 0;  // drift: mean of the last quarter minus mean of the first one
     std::size_t missing = 0;
-    [[nodiscard]] bool moves() const;  // drift is greater than noise explains
-    bool stuck = false;                // every row has the same value, and another channel changed
+    bool moves = false;  // there are 20 rows or more, and drift is greater than noise explains
+    bool stuck = false;  // every row has the same value, and another channel changed
 };
 
 // Returns one entry per channel; `names` are those of the file, in its order. `rows` must not be empty.

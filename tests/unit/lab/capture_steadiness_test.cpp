@@ -1,0 +1,36 @@
+// Noise of a few rows is no motion; a ramp is.
+#include "node/lab/capture_steadiness.hpp"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace tactiled::ctl {
+namespace {
+
+// A share of 500 loads, each held for n rows, that moves by `ramp` standard deviations of the noise.
+double share_that_moves(std::size_t n, double ramp) {
+    std::mt19937_64 random(5);
+    std::normal_distribution<double> noise(500, 0.2);
+    std::size_t moving = 0;
+    for (int load = 0; load < 500; ++load) {
+        std::vector<CapturedRow> rows(n);
+        for (std::size_t i = 0; i < n; ++i) {
+            rows[i].t_ns = i * 10'000'000u;
+            rows[i].channel = {noise(random) + 0.2 * ramp * double(i) / double(n)};
+        }
+        moving += steadiness(rows, {"A"}).front().moves;
+    }
+    return double(moving) / 500;
+}
+
+TEST(Steadiness, NoiseOfFewRowsIsNoMotion) {
+    for (const std::size_t n : {2u, 5u, 10u, 19u, 20u, 50u, 500u}) EXPECT_LE(share_that_moves(n, 0), 0.01) << n;
+}
+
+TEST(Steadiness, ARampBeyondTheNoiseIsMotion) {
+    for (const std::size_t n : {20u, 50u, 500u}) EXPECT_GE(share_that_moves(n, 20), 0.99) << n;
+}
+
+}  // namespace
+}  // namespace tactiled::ctl
