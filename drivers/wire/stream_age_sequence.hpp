@@ -127,7 +127,10 @@ inline double StreamAge::late_while_learning(const Frame& frame, double advance,
         is_unproved_ = must_reopen_ = true;
         return 0;
     }
-    const bool is_silence = silence_ns > std::max(advance, 1.0) * std::max(3 * mean, kLate_ns);
+    // Three intervals of a slow device may be longer than stale_ms.
+    const double frames = std::max(advance, 1.0);
+    const bool is_silence = silence_ns > frames * std::max(3 * mean, kLate_ns) ||
+                            (mean > 0 && silence_ns - frames * mean > std::max(stale_ns_, kLate_ns));
     if (is_reopened_ || advance == 0) {
         learn_frames_ = learned_ns_ = 0;
         mean_before_ns_ = mean;

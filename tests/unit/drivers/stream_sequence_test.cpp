@@ -70,6 +70,27 @@ TEST(StreamAge, AFirstFrameThatTookLongerThanEverProvesNothing) {
         }
 }
 
+// 20 Hz, stale_ms = 100: three intervals are longer than that.
+TEST(StreamAge, ASilenceOfASlowDeviceThatMayBeALagBeyondStaleMsProvesNothingBeforeTheRateIsKnown) {
+    StreamAge age(20, 0.2, 100 * kMs);
+    std::uint64_t now_ns = 1000 * kS;
+    age.open(connection(), now_ns);
+    std::uint32_t number = 5000;
+    const auto next = [&](std::uint64_t after_ms) {
+        Frame frame;
+        now_ns += after_ms * kMs;
+        frame.t_ns = frame.taken_ns = now_ns;
+        frame.has_sequence = true;
+        frame.sequence = number++;
+        age.judge(frame, now_ns);
+        return frame.age;
+    };
+    for (int i = 0; i < 6; ++i) EXPECT_EQ(next(60), Age::proved) << i;
+    EXPECT_EQ(next(155), Age::proved);  // at most 95 ms late
+    EXPECT_EQ(next(60), Age::proved);
+    EXPECT_EQ(next(170), Age::unproved);
+}
+
 // The driver was starved, and opened the link again on its own account. A lag began meanwhile.
 TEST(StreamAge, ALagThatBeganWhileTheLinkWasOpenedAgainIsSeenBeforeTheRateIsKnown) {
     for (const Route& route : {network(), connection()}) {
