@@ -1,0 +1,99 @@
+// Pairs of right sessions of many sensors made at random: none of them is a contradiction; turned and exchanged ones are.
+#include "decoupling/fit/session_pairs.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+namespace tactiled {
+namespace {
+
+// `straight`: channels of three loads, with crosstalk. Else resistors under one press at changing places, which bend and
+// determine the load badly.
+struct Sensor {
+    std::mt19937_64 random;
+    std::normal_distribution<double> normal;
+    std::uniform_real_distribution<double> uniform{-1, 1};
+    std::size_t channels;
+    bool straight;
+    std::vector<std::array<double, 3>> gain;
+
+    Sensor(unsigned seed, std::size_t n, bool is_straight) : random(seed), channels(n), straight(is_straight), gain(n) {
+        for (auto& of_channel : gain)
+            for (double& each : of_channel) each = uniform(random);
+    }
+    [[nodiscard]] std::vector<std::size_t> components() const {
+        return straight ? std::vector<std::size_t>{0, 1, 2} : std::vector<std::size_t>{2};
+    }
+    // 300 rows; gains differ by 3 % between sessions and zeros by 5 % of a channel's width (sd).
+    std::vector<LabelledRow> session() {
+        std::vector<double> own_gain(channels), zero(channels);
+        for (std::size_t k = 0; k < channels; ++k) own_gain[k] = 1 + 0.03 * normal(random), zero[k] = 0.1 * normal(random);
+        std::vector<LabelledRow> rows;
+        for (int i = 0; i < 300; ++i) {
+            LabelledRow row{.line = i + 2, .channel = {}, .wrench_S = kUnseen};
+            const double x = uniform(random), y = uniform(random), press = 0.5 + 0.5 * uniform(random);
+            for (const std::size_t c : components()) row.wrench_S[c] = straight ? uniform(random) : -press;
+            for (std::size_t k = 0; k < channels; ++k) {
+                double reading = 0;
+                if (straight) {
+                    for (std::size_t c = 0; c < 3; ++c) reading += gain[k][c] * row.wrench_S[c];
+                } else {
+                    const double share = press * std::exp(-(std::pow(x - gain[k][0], 2) + std::pow(y - gain[k][1], 2)));
+                    reading = share / (share + 0.3);
+                }
+                row.channel.push_back(own_gain[k] * reading + zero[k] + 0.005 * normal(random));
+            }
+            rows.push_back(std::move(row));
+        }
+        return rows;
+    }
+};
+
+SessionMoments moments(const Sensor& sensor, const std::vector<LabelledRow>& rows) {
+    Rows pointers;
+    for (const LabelledRow& row : rows) pointers.push_back(&row);
+    return *moments_of(pointers, sensor.components());
+}
+
+TEST(SessionPairs, OfRightSessionsDoNotDisagree) {
+    std::size_t pairs = 0;
+    for (const std::size_t channels : {4u, 8u, 12u})
+        for (const bool straight : {true, false})
+            for (unsigned seed = 1; seed <= 60; ++seed, ++pairs) {
+                Sensor sensor(seed, channels, straight);
+                const auto one = moments(sensor, sensor.session()), other = moments(sensor, sensor.session());
+                EXPECT_FALSE(disagreement(one, other)) << channels << ' ' << straight << ' ' << seed;
+            }
+    EXPECT_EQ(pairs, 360u);
+}
+
+TEST(SessionPairs, OfATurnedSensorAreSeen) {
+    for (unsigned seed = 1; seed <= 60; ++seed) {
+        Sensor sensor(seed, 8, true);
+        const auto one = moments(sensor, sensor.session());
+        std::vector<LabelledRow> turned = sensor.session();
+        for (LabelledRow& row : turned) {
+            std::swap(row.wrench_S[0], row.wrench_S[1]);
+            row.wrench_S[1] = -row.wrench_S[1];
+        }
+        const auto found = disagreement(one, moments(sensor, turned));
+        ASSERT_TRUE(found) << seed;
+        EXPECT_FALSE(found->exchanged) << seed;
+    }
+}
+
+// A session without one of the labels in the other: the line of the first fits there, and the reverse does not.
+TEST(SessionPairs, LabelsThatOneSessionHardlyLoadsAreNotTurned) {
+    for (unsigned seed = 1; seed <= 60; ++seed) {
+        Sensor sensor(seed, 8, true);
+        const auto one = moments(sensor, sensor.session());
+        std::vector<LabelledRow> odd = sensor.session();
+        for (LabelledRow& row : odd) row.wrench_S[0] = 0.02 * sensor.normal(sensor.random);  // labels of noise
+        EXPECT_FALSE(disagreement(one, moments(sensor, odd))) << seed;
+    }
+}
+
+}  // namespace
+}  // namespace tactiled
