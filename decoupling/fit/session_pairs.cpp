@@ -24,6 +24,8 @@ constexpr double kTurned = 0.75, kFromOthers = 0.5;
 // Right sessions gave 0.76 or more for the labels and 0.9 or more for the channels where the channels determine the
 // labels: the mean error of a session's own line is below kDetermined. Four pressure-dependent resistors, 0.4, gave less.
 constexpr double kExchanged = 0.65, kDetermined = 0.35, kMatters = 0.1, kChannelMatters = 0.05;
+// Channels with a greater correlation differ by less than 14 % of their spread: gains of 3 % look like their exchange.
+constexpr double kTwins = 0.99;
 
 // Returns (xx + ridge)^-1 y, where the ridge of each channel is relative to its variance.
 Eigen::MatrixXd solve(const Eigen::MatrixXd& xx, const Eigen::MatrixXd& y) {
@@ -87,6 +89,11 @@ std::pair<std::size_t, std::size_t> best_exchange(ErrorWith error, const Session
     return best;
 }
 
+bool are_twins(const SessionMoments& session, std::size_t j, std::size_t k) {
+    const auto xx = [&](std::size_t row, std::size_t column) { return session.xx(Eigen::Index(row), Eigen::Index(column)); };
+    return xx(j, k) > kTwins * std::sqrt(xx(j, j) * xx(k, k));
+}
+
 std::optional<Disagreement> exchanged(const SessionMoments& a, const SessionMoments& b) {
     if (!(a.error.mean() < kDetermined) || !(b.error.mean() < kDetermined)) return std::nullopt;
     const ErrorWith measures[] = {error_with, residual_with};
@@ -95,7 +102,7 @@ std::optional<Disagreement> exchanged(const SessionMoments& a, const SessionMome
         const double matters = error == error_with ? kMatters : kChannelMatters;
         if (!(there > matters) || !(back > matters)) continue;
         const auto [j, k] = best_exchange(error, a, b);
-        if (best_exchange(error, b, a) != std::pair(j, k)) continue;
+        if (best_exchange(error, b, a) != std::pair(j, k) || are_twins(a, j, k)) continue;
         if (!(error(a, b, j, k) < kExchanged * there) || !(error(b, a, j, k) < kExchanged * back)) continue;
         bool lower = true;  // by the other measure, too
         for (const ErrorWith other : measures)
