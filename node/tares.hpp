@@ -15,11 +15,11 @@ public:
     // Stores the zeros in `store`, which must live as long as the loop. Before the loop. setup
     void keep_in(ZeroStore& store) noexcept { store_ = &store; }
 
-    // Begins a tare of the sensors in `mask`, once the file says so. If one of them cannot be tared now, it returns false
-    // and no tare begins. is_running() must be false. rt: bounded by the number of sensors
+    // Begins a tare of the sensors in `mask`, once the file of zeros says that these change. If one of them cannot be tared
+    // now, it returns false and no tare begins. is_running() must be false. rt: bounded by the number of sensors
     [[nodiscard]] bool begin(std::uint32_t mask, std::uint64_t now_ns) noexcept;
-    // Begins to remove the tare of the sensors in `mask`, once the file says so. is_running() must be false. rt: bounded by
-    // the number of sensors
+    // Begins to remove the tare of the sensors in `mask`, once the file of zeros says that these change. is_running() must
+    // be false. rt: bounded by the number of sensors
     void begin_removal(std::uint32_t mask, std::uint64_t now_ns) noexcept;
     // Collects the results of the sensors. Returns true if the last sensor has finished and its zero is stored.
     // rt: bounded by the number of sensors

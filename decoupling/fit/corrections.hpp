@@ -31,8 +31,8 @@ Eigen::MatrixXd units_left(const Scaled& scaled);
 Eigen::MatrixXd quadratic_features(const Eigen::MatrixXd& u);
 
 // Calls f(first row, features_of(rows of `u`)) for each chunk of the rows begin .. end: features take much memory.
-template <class FeaturesOf, class F>
-void for_each_chunk(const Eigen::MatrixXd& u, Eigen::Index begin, Eigen::Index end, const FeaturesOf& features_of,
+template <class MakeFeatures, class F>
+void for_each_chunk(const Eigen::MatrixXd& u, Eigen::Index begin, Eigen::Index end, const MakeFeatures& features_of,
                     const F& f) {
     constexpr Eigen::Index kChunk = 2048;
     for (; begin < end; begin += kChunk) f(begin, features_of(u.middleRows(begin, std::min(kChunk, end - begin))));

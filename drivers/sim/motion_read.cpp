@@ -94,8 +94,8 @@ void steps(Builder& b, Options& m) {
 // Moves from one random load to the next and holds each, as a calibration needs it. The loads are uniformly
 // distributed: the press, the shear in any direction up to a share of its maximum, the place on a disc. Mirrored: all
 // of them again in the same order, with shear and place rotated by 180 degrees. The memory of the skin for a shear is
-// then the opposite at the same press, so that a fit does not attribute it to the press. With `rest_s`: as in use, groups
-// of 1 to 8 loads, of a tenth of these sizes to all of it, and the load is released after each group.
+// then the opposite at the same press, so that a fit does not attribute it to the press. With `rest_s`: in groups
+// of 1 to 8 loads, which are multiplied by one random factor of 0.1 to 1, and the load is released after each group.
 void wander(Builder& b, Options& m) {
     const auto count = std::size_t(m.integer("count", {1, 10'000}));
     const Stream random(std::uint64_t(m.integer("seed", {0, 9e15}, 1)), "wander");

@@ -31,8 +31,9 @@ public:
 
     // The device has measured a frame after the one before it, or it is an old one that has come before.
     enum class Origin : std::uint8_t { unknown, is_new, is_old };
-    static constexpr double kBegun_ns = 0.5e9;  // a clock that begins again has at most this, and the silence
-    static constexpr double kReplay_ns = 60e9;  // a path is taken to keep at most so much, which may come again
+    // After a restart the first time of the device's clock is at most this plus the silence before it.
+    static constexpr double kBegun_ns = 0.5e9;
+    static constexpr double kReplay_ns = 60e9;  // old frames that come again are taken to be at most this old
 
     AgeBound() : AgeBound(Limits()) {}
     explicit AgeBound(const Limits& limits) : limits_(limits), uncertainty_(limits.max_drift) {}
@@ -117,7 +118,7 @@ public:
     [[nodiscard]] bool has_gone_back() const noexcept { return back_ns_ > 0; }
     // How often the device's clock was set back, and has stayed so.
     [[nodiscard]] unsigned set_back() const noexcept { return set_back_; }
-    // It was not known whether the frames since then were old ones that came again.
+    // When the clock last went back, nothing showed whether its frames were new, or old ones that came again.
     [[nodiscard]] bool may_be_old() const noexcept { return may_be_old_; }
     // The silence before the frame that showed it first, in which a lag may have begun that no clock shows.
     [[nodiscard]] double silence_before_set_back_ns() const noexcept { return back_silence_ns_; }

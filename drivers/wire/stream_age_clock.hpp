@@ -15,7 +15,8 @@ inline void StreamAge::begin_clock() noexcept {
     is_unproved_ = false;
 }
 
-// Compares the clock and the counter of a frame with those of the frame before. Inlined: 20 of 430 instructions fewer.
+// Compares the clock and the counter of a frame with those of the frame before. Inlined: 20 of 430 instructions fewer
+// (09f02815).
 [[gnu::always_inline]] inline StreamAge::ClockStep StreamAge::clock_step(const Frame& frame,
                                                                          std::uint64_t host_ns) const noexcept {
     ClockStep step;

@@ -127,7 +127,7 @@ inline double StreamAge::late_while_learning(const Frame& frame, double advance,
         is_unproved_ = must_reopen_ = true;
         return 0;
     }
-    // Three intervals of a slow device may be longer than stale_ms.
+    // A lag of more than stale_ms may fit into three intervals of a slow device: such a silence counts, too.
     const double frames = std::max(advance, 1.0);
     const bool is_silence = silence_ns > frames * std::max(3 * mean, kLate_ns) ||
                             (mean > 0 && silence_ns - frames * mean > std::max(stale_ns_, kLate_ns));

@@ -10,8 +10,8 @@ namespace {
 
 // A channel of few bits repeats itself for some rows at rest; fewer rows than this show nothing.
 constexpr std::size_t kStuckRows = 10;
-// The means of a quarter of fewer rows scatter by half as much as a reading, or more.
-constexpr std::size_t kMovingRows = 20;
+// The drift of noise, in standard errors, of which the noise is known from a few rows only.
+constexpr double kBeyondNoise = 5;
 // A creeping skin moves less within some seconds, and a changing load more.
 constexpr double kMoved = 0.05;
 
@@ -37,7 +37,10 @@ Steadiness steadiness_of(const std::vector<CapturedRow>& rows, std::size_t k, co
     for (const double value : values) s.sd += (value - s.mean) * (value - s.mean);
     s.sd = n < 2 ? 0 : std::sqrt(s.sd / double(n - 1));
     s.drift = mean(n - quarter, n) - mean(0, quarter);
-    s.moves = n >= kMovingRows && std::abs(s.drift) > 2 * s.sd;
+    double steps = 0;  // a ramp has small ones, noise has not
+    for (std::size_t i = 1; i < n; ++i) steps += (values[i] - values[i - 1]) * (values[i] - values[i - 1]);
+    const double noise = n < 2 ? 0 : std::sqrt(steps / double(n - 1) / 2);
+    s.moves = std::abs(s.drift) > 2 * s.sd && std::abs(s.drift) > kBeyondNoise * noise * std::sqrt(2 / double(quarter));
     s.stuck = n >= kStuckRows && s.min == s.max;  // until the others are known
     return s;
 }

@@ -13,7 +13,7 @@ struct Steadiness {
     std::string name;
     double mean = 0, sd = 0, min = 0, max = 0, drift = 0;  // drift: mean of the last quarter minus mean of the first one
     std::size_t missing = 0;
-    bool moves = false;  // there are 20 rows or more, and drift is greater than noise explains
+    bool moves = false;  // drift is greater than noise explains; a ramp shows with seven rows or more
     bool stuck = false;  // every row has the same value, and another channel changed
 };
 

@@ -65,7 +65,7 @@ void damaged(const std::string& folder, const std::vector<Contest>& contests, st
             candidates.back().name += ", no parity";
             candidates.back().calibration.parity = {};
         }
-        std::vector<std::vector<double>> undetected(candidates.size()), also_frozen(candidates.size());
+        std::vector<std::vector<double>> undetected(candidates.size()), without_detection(candidates.size());
         std::vector<double> good(candidates.size());
         for (std::uint64_t seed = first; seed < first + count; ++seed) {
             sim::Scene scene = sim::read_scene(fmt::format("{}/tradeoff_{}_damaged.toml", folder, of));
@@ -80,7 +80,7 @@ void damaged(const std::string& folder, const std::vector<Contest>& contests, st
                 const Shares all = shares_of(candidates[i], {});
                 std::vector<bool> not_frozen = is_frozen(candidates[i], rows);
                 not_frozen.flip();
-                also_frozen[i].push_back(percent(all.undetected, all.samples));
+                without_detection[i].push_back(percent(all.undetected, all.samples));
                 undetected[i].push_back(percent(shares_of(candidates[i], not_frozen).undetected, all.samples));
                 good[i] += percent(all.good, all.samples) / double(count);
             }
@@ -94,9 +94,9 @@ void damaged(const std::string& folder, const std::vector<Contest>& contests, st
         for (std::size_t i = 0; i < candidates.size(); ++i) {
             fmt::print("{:<34} undetected ", contest.model + "/" + candidates[i].name);
             print(undetected[i]);
-            fmt::print(", without frozen ");
-            print(also_frozen[i]);
-            fmt::print(", GOOD {:>5.1f} %\n", good[i]);
+            fmt::print(", without the detection of frozen channels ");
+            print(without_detection[i]);
+            fmt::print(", GOOD without it {:>5.1f} %\n", good[i]);
         }
     }
 }

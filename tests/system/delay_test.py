@@ -145,7 +145,7 @@ class Depths(Witnessed):
                 seen.append(chain.watch(0.5))
                 for jump_s in (0.5, -0.5, 100, 1000, -10):
                     chain.tell(f"jump {jump_s}")
-                    # One that goes back may be old frames that come again: late for 2 s, or 1.1 times as long.
+                    # After a clock has gone back, its frames may be old ones: late for 1.1 times the jump, and at least 2 s.
                     seen.append(chain.watch(3))
                 return seen
             for chain, seen in zip(chains, of_each(chains, strike)):

@@ -131,7 +131,7 @@ double worse(int i) { return 1.2 + 0.1 * (i % 2); }
 
 TEST(HeldOutRidge, GainsByFivePercentAndMoreThanChance) {
     EXPECT_TRUE(gains(blocks({everywhere_half}), 0));
-    EXPECT_FALSE(gains(blocks({a_little}), 0));  // of 9.75 %: two squares of 5 %
+    EXPECT_FALSE(gains(blocks({a_little}), 0));  // two squares of 5 % are 9.75 %
     const BlockErrors by_chance = blocks({[](int i) { return i % 6 == 0 && i < 24 ? 0.05 : 1.05; }});
     EXPECT_LT(by_chance.col(0).sum(), 0.9 * 25);
     EXPECT_FALSE(gains(by_chance, 0));

@@ -215,7 +215,7 @@ TEST(Input, OtherUnitsOfLabelsAndTimesAreNamed) {
     // Each session may begin at 0.
     Labelled again = labelled, shuffled = milliseconds;
     again.sessions = {"a", "b"};
-    for (std::size_t i = 200; i < 400; ++i) again.rows[i].session = 1, again.rows[i].t_ns -= 200 * 36'000'000;
+    for (std::size_t i = 200; i < 400; ++i) again.rows[i].session = 1, again.rows[i].t_ns -= 200ull * 36'000'000;
     EXPECT_FALSE(warns(fit(again, by("matrix")), "t_s goes backwards"));
     for (std::size_t i = 10; i + 1 < 400; i += 2) std::swap(shuffled.rows[i].t_ns, shuffled.rows[i + 1].t_ns);
     EXPECT_TRUE(warns(fit(shuffled, by("matrix")), "t_s goes backwards at waves.csv:13 and in 194 rows after that"));

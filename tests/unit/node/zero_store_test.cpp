@@ -191,6 +191,11 @@ TEST_F(ZeroStoreTest, ADamagedBitOrACharacterTooFewIsFound) {
             expect_lost(after(owner()));
         }
     }
+    for (std::size_t i = good.rfind("crc"); i + 1 < good.size(); ++i) {  // the last line
+        std::string damaged = good;
+        write(damaged.erase(i, 1));
+        expect_lost(after(owner()));
+    }
     write("# no tare\nformat = 2\n");
     expect_lost(after(owner()));
 }

@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
 """Sensors whose physics the simulator does not have: calibrations, mistakes in sessions, and damage at use time. Needs numpy.
 
-    simulated_sensors.py methods  [--kinds strain,diodes,...] [--seeds 41,42] [--methods matrix,quadratic,rbf]
-    simulated_sensors.py sessions [--kinds ...] [--seeds ...]     a session turned, standardised, or with two channels exchanged
-    simulated_sensors.py damage   [--kinds ...] [--seeds ...] [--methods matrix,quadratic]
+    other_sensors.py methods  [--kinds strain,diodes,...] [--seeds 41,42] [--methods matrix,quadratic,rbf]
+    other_sensors.py sessions [--kinds ...] [--seeds ...]     a session turned, standardised, or with two channels exchanged
+    other_sensors.py damage   [--kinds ...] [--seeds ...] [--methods matrix,quadratic]
 
 kinds    strain (8 gauges of a cell, dead weights), diodes (12 photodiodes, exponential), resistors (9 force-sensing
          resistors in dividers, press only), barometers (6)
 Two sessions of 1,200 rows (`sessions`: four) are calibrated, a further one is judged after a tare in its first second. Each
 session has gains that differ by 1 % and zeros by 1 % of the range (sd); `--drift 0.03` sets both.
 methods  prints for each component the error in % of full scale, the share within 1 sd, beyond 5 sd, median sd over error
+sessions prints whether `calibrate` accepts each set of sessions, and which it names; `right` has no mistake
 damage   prints rows that are GOOD and off by more than 10 % of full scale, in %: mean over the channels (worst)
 """
 import argparse
@@ -38,7 +39,7 @@ class Sensor:
     """`full_scale` in N; the press is the last component and negative. readings() returns channels for loads."""
     components = ("fx", "fy", "fz")
 
-    def loads(self, rng, n, press_only=True):
+    def loads(self, rng, n):
         loads, i = np.zeros((n, len(self.full_scale))), 2 * RATE_HZ
         while i < n - 5:
             m = min(int(rng.uniform(1.5, 6) * RATE_HZ), n - i)
@@ -46,9 +47,8 @@ class Sensor:
             wave = 1 + 0.4 * np.sin(2 * np.pi * rng.uniform(0.2, 1) * np.arange(m)[:, None] / RATE_HZ + rng.uniform(0, 6, len(self.full_scale)))
             load = rng.uniform(-0.7, 0.7, len(self.full_scale)) * wave * shape[:, None] * self.full_scale
             load[:, -1] = -np.abs(load[:, -1])
-            if press_only:  # friction
-                limit = 0.8 * np.abs(load[:, -1:]) * self.full_scale[:-1] / self.full_scale[-1]
-                load[:, :-1] = np.clip(load[:, :-1], -limit, limit)
+            limit = 0.8 * np.abs(load[:, -1:]) * self.full_scale[:-1] / self.full_scale[-1]  # friction
+            load[:, :-1] = np.clip(load[:, :-1], -limit, limit)
             loads[i:i + m] = load
             i += m + int(rng.uniform(0.3, 1.5) * RATE_HZ)
         return loads
@@ -98,9 +98,6 @@ class Resistors(Sensor):
     def __init__(self, rng):
         self.at = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1]), -1).reshape(-1, 2)
         self.gain, self.power = rng.uniform(0.7, 1.3, 9), rng.uniform(0.85, 1, 9)
-
-    def loads(self, rng, n):
-        return Sensor.loads(self, rng, n, press_only=False)
 
     def readings(self, rng, loads):
         place = low_pass(rng.normal(size=(len(loads), 2)), 0.01) * 0.5
