@@ -67,8 +67,8 @@ private:
     static constexpr double kMinClosed_ns = 200e6, kMaxClosed_ns = 2e9, kMissingFrames = 4;
     // A clock, or a counter, of a device that restarted has begun since the frame before it: it is this little ahead.
     static constexpr double kBegun_us = AgeBound::kBegun_ns * 1e-3, kBegunFrames = 3;
-    static constexpr std::uint32_t kMaxGap = 100;  // a larger one may be another device's
-    static constexpr double kFastest_ns = 100e3;   // shortest interval of frames on a cable
+    static constexpr double kMaxGap = 100;        // numbers; a larger gap may be another device's
+    static constexpr double kFastest_ns = 100e3;  // shortest interval of frames on a cable
 
     // ---- clock: stream_age_clock.hpp ----
     static constexpr double kWrap_ns = 4294967296e3;  // formats send 32 bits of microseconds
@@ -113,7 +113,10 @@ private:
     void begin_to_count() noexcept;
     [[nodiscard]] bool has_settled(double late, std::uint64_t host_ns) noexcept;
     [[nodiscard]] bool has_begun(const Frame& frame, double silence_ns, double interval_ns) const noexcept;
-    void follow_run(const Frame& frame) noexcept;
+    void follow_run(const Frame& frame, std::uint64_t host_ns) noexcept;
+    [[nodiscard]] bool may_come_again(std::uint64_t host_ns) const noexcept {
+        return behind_ >= 0 && host_ns < behind_until_ns_;
+    }
     [[nodiscard]] double frames_since(const Frame& frame, double silence_ns) const noexcept;
     [[nodiscard]] double advance_of(const Frame& frame, double silence_ns) const noexcept;
     [[nodiscard]] double mean_ns() const noexcept;
@@ -167,7 +170,7 @@ private:
     std::uint32_t sequence_ = 0;
     double run_ = 0;                     // numbers before sequence_ that have been, without a large gap
     double back_ = 0;                    // this frame's number is one of them, so far back; 0: it is not
-    double behind_ = 0;                  // on a cable: frames until the counter is beyond the numbers that have been
+    double behind_ = 0;                  // frames until the counter is beyond the numbers that have been
     std::uint64_t behind_until_ns_ = 0;  // host time; and at the latest then
     double period_ns_ = 0;               // 0: not known yet
     double max_period_ns_ = 0;           // > 0: the device has got faster than this since
@@ -226,7 +229,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
         return;
     }
     back_ = 0;
-    if (frame.has_sequence) follow_run(frame);
+    if (frame.has_sequence) follow_run(frame, host_ns);
     if (route_.device_clock && frame.device_time_us != 0)
         by_clock(frame, host_ns);
     else if (has_clock_)  // without its time for once

@@ -9,17 +9,7 @@ namespace tactiled {
 // program has died may send its last frames again and again.
 inline void StreamAge::by_cable(Frame& frame, std::uint64_t host_ns) noexcept {
     proof_ = Proof::direct;
-    if (frame.has_sequence && has_frame_) {
-        if (back_ <= 0) {
-            behind_ -= 1.0 + frame.lost;
-        } else if (has_begun(frame, double(host_ns - host_ns_), kFastest_ns)) {
-            behind_ = 0;
-        } else {
-            behind_ = std::max(behind_, 0.0) + back_;
-            behind_until_ns_ = host_ns + std::uint64_t(AgeBound::kReplay_ns);
-        }
-        if (behind_ >= 0 && host_ns < behind_until_ns_) frame.age = Frame::Age::unproved;
-    }
+    if (may_come_again(host_ns)) frame.age = Frame::Age::unproved;
     if (frame.since_ns != 0 && frame.since_ns < frame.t_ns) backdate(frame, double(frame.taken_ns - frame.since_ns));
 }
 

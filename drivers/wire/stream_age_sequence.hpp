@@ -9,15 +9,28 @@ inline bool StreamAge::has_begun(const Frame& frame, double silence_ns, double i
     return interval_ns <= 0 || frame.sequence < kBegunFrames + silence_ns / interval_ns;
 }
 
-// Follows the run of numbers without a large gap, of which each has been. Only such numbers can come again.
-inline void StreamAge::follow_run(const Frame& frame) noexcept {
+// Follows the run of numbers without a large gap, of which each has been. Only such numbers can come again, and until the
+// counter is beyond them, the path may send old frames also after it was opened again.
+inline void StreamAge::follow_run(const Frame& frame, std::uint64_t host_ns) noexcept {
     const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;
     const std::uint32_t steps = (frame.sequence - sequence_) & mask, back = (sequence_ - frame.sequence) & mask;
     back_ = has_frame_ && frame.lost == 0 && back <= mask / 2 && back <= run_ ? back : 0;
-    if (steps <= kMaxGap)
+    const double interval_ns = route_.path == Route::Path::direct ? kFastest_ns : this->interval_ns();
+    const double silence_ns = double(host_ns - host_ns_);
+    // While the link was closed the device has counted on.
+    const double gap = is_reopened_ && interval_ns > 0 ? std::max(kMaxGap, 2 * silence_ns / interval_ns) : kMaxGap;
+    if (steps <= gap)
         run_ += steps;
     else if (back_ <= 0)
         run_ = 0;
+    if (back_ <= 0) {
+        behind_ -= steps;
+    } else if (has_begun(frame, silence_ns, interval_ns)) {
+        behind_ = 0;
+    } else {
+        behind_ = std::max(behind_, 0.0) + back_;
+        behind_until_ns_ = host_ns + std::uint64_t(AgeBound::kReplay_ns);
+    }
 }
 
 // Frames that the device has counted since the one before; 0: it has restarted. The device's rate tells how often the
@@ -197,7 +210,8 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
     // The device had paused: its counter is behind as before, and the path held nothing that opening it again discarded. A
     // lag of which a part was discarded is judged by the rest of it.
     const bool had_paused = !late_is_known || late > late_ns_ - kLate_ns;
-    if (is_unproved_ && had_paused && has_discarded(late) && !has_waited(host_ns) && !bound_.has_gone_back()) {
+    if (is_unproved_ && had_paused && has_discarded(late) && !has_waited(host_ns) && !bound_.has_gone_back() &&
+        !may_come_again(host_ns)) {
         bound_.restart();
         bound_.end_fall();
         late = 0;
