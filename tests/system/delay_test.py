@@ -51,11 +51,14 @@ class Chain:
         self.stages[stage].stdin.flush()
 
     def __enter__(self):
-        self.stack.enter_context(self.daemon)
-        self.daemon.start()
-        self.node = self.stack.enter_context(tactiled.open(self.daemon.name))
-        wait_for(lambda: self.node.latest("s").quality == tactiled.GOOD, 10, "a GOOD sample")
-        self.watch(3)
+        with contextlib.ExitStack() as failed:  # no daemon or relay stays if this ends with an error
+            failed.callback(self.stack.close)
+            self.stack.enter_context(self.daemon)
+            self.daemon.start()
+            self.node = self.stack.enter_context(tactiled.open(self.daemon.name))
+            wait_for(lambda: self.node.latest("s").quality == tactiled.GOOD, 10, "a GOOD sample")
+            self.watch(3)
+            failed.pop_all()
         return self
 
     def __exit__(self, *what):
@@ -267,9 +270,10 @@ class Suspended(unittest.TestCase):
                     time.sleep(0.02)  # a reader sees the last sample for up to one cycle of the daemon
                     for fields, (oldest, _) in zip(FIELDS, of_each(chains, lambda chain: chain.watch(1.5))):
                         self.assertLess(oldest, STALE_MS + ORDINARY_MS, (keys, fields, slept_s))
+                # On a busy machine a frame may be truly late at any moment.
                 for fields, chain in zip(FIELDS, chains):
                     if "clock" in fields or "direct" in keys:
-                        self.assertEqual(chain.quality(), tactiled.GOOD, (keys, fields))
+                        wait_for(lambda c=chain: c.quality() == tactiled.GOOD, 5, f"GOOD: {keys}, {fields}")
 
 
 class Veth(unittest.TestCase):
