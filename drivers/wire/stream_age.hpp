@@ -112,7 +112,8 @@ private:
     void learn_rate(std::uint64_t host_ns) noexcept;
     void begin_to_count() noexcept;
     [[nodiscard]] bool has_settled(double late, std::uint64_t host_ns) noexcept;
-    [[nodiscard]] bool has_begun(const Frame& frame, double silence_ns, double interval_ns) const noexcept;
+    [[nodiscard]] double frames_in(double silence_ns) const noexcept;
+    [[nodiscard]] bool has_begun(const Frame& frame, double silence_ns) const noexcept;
     void follow_run(const Frame& frame, std::uint64_t host_ns) noexcept;
     [[nodiscard]] bool may_come_again(std::uint64_t host_ns) const noexcept {
         return behind_ >= 0 && host_ns < behind_until_ns_;

@@ -4,9 +4,15 @@
 
 namespace tactiled {
 
-// The device has restarted since the frame before: its counter has begun again. `interval_ns`: of its frames, or less.
-inline bool StreamAge::has_begun(const Frame& frame, double silence_ns, double interval_ns) const noexcept {
-    return interval_ns <= 0 || frame.sequence < kBegunFrames + silence_ns / interval_ns;
+// Frames that the device may have measured in a silence; 0: its interval is not known. A cable does not need to know it.
+inline double StreamAge::frames_in(double silence_ns) const noexcept {
+    const double interval = route_.path == Route::Path::direct ? kFastest_ns : interval_ns();
+    return interval > 0 ? silence_ns / interval : 0;
+}
+
+// The device has restarted since the frame before: its counter has begun again.
+inline bool StreamAge::has_begun(const Frame& frame, double silence_ns) const noexcept {
+    return frame.sequence < kBegunFrames + frames_in(silence_ns);
 }
 
 // Follows the run of numbers without a large gap, of which each has been. Only such numbers can come again, and until the
@@ -15,17 +21,15 @@ inline void StreamAge::follow_run(const Frame& frame, std::uint64_t host_ns) noe
     const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;
     const std::uint32_t steps = (frame.sequence - sequence_) & mask, back = (sequence_ - frame.sequence) & mask;
     back_ = has_frame_ && frame.lost == 0 && back <= mask / 2 && back <= run_ ? back : 0;
-    const double interval_ns = route_.path == Route::Path::direct ? kFastest_ns : this->interval_ns();
     const double silence_ns = double(host_ns - host_ns_);
     // While the link was closed the device has counted on.
-    const double gap = is_reopened_ && interval_ns > 0 ? std::max(kMaxGap, 2 * silence_ns / interval_ns) : kMaxGap;
-    if (steps <= gap)
+    if (steps <= kMaxGap || (is_reopened_ && steps <= 2 * frames_in(silence_ns)))
         run_ += steps;
     else if (back_ <= 0)
         run_ = 0;
     if (back_ <= 0) {
         behind_ -= steps;
-    } else if (has_begun(frame, silence_ns, interval_ns)) {
+    } else if (has_begun(frame, silence_ns)) {
         behind_ = 0;
     } else {
         behind_ = std::max(behind_, 0.0) + back_;
@@ -120,7 +124,7 @@ inline double StreamAge::advance_of(const Frame& frame, double silence_ns) const
     const double advance = frames_since(frame, silence_ns);
     if (advance == 1) return advance;
     const bool is_long = range_ns(frame) > kShortest_ns || interval_ns() <= 0;  // else old numbers say nothing
-    if (advance == 0 && back_ > 0 && is_long && !has_begun(frame, silence_ns, interval_ns())) return -back_;
+    if (advance == 0 && back_ > 0 && is_long && !has_begun(frame, silence_ns)) return -back_;
     if (is_reopened_ || silence_ns > kLate_ns + period_ns_) return advance;
     const double passed = period_ns_ > 0 ? silence_ns / period_ns_ : frame.sequence + 1.0;
     if (advance == 0) return std::min(frame.sequence + 1.0, std::ceil(passed + kLate_ns / std::max(period_ns_, 1.0)));
