@@ -79,7 +79,7 @@ public:
             may_be_old_ = !has_begun && origin != Origin::is_new;
             set_back_after_ns_ = !may_be_old_               ? kSetBack_ns
                                  : origin == Origin::is_old ? 1e300
-                                                            : std::clamp(kLonger * -ahead, kSetBack_ns, kReplay_ns);
+                                                            : std::clamp(kLonger * back_ns_, kSetBack_ns, kReplay_ns);
             back_silence_ns_ = step;
             back_since_ = t_;
             min_since_back_ = first_since_back_ = x_ + back_ns_ - slope_ * t_;
