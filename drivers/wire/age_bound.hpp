@@ -61,7 +61,7 @@ public:
             wraps_early_ = true;
             // Ends that had passed unseen, while the link was closed, made the frames late by as much.
             x_ -= kEarlyWrap_ns * std::nearbyint((x_ - reference_) / kEarlyWrap_ns);
-        } else if (limits_.wrap_ns > 0 && ahead < 0 && double(device_ns) < step + kWrapError_ns + 2 * ahead_ns_ &&
+        } else if (other_wrap_ns_ > 0 && ahead < 0 && double(device_ns) < step + kWrapError_ns + 2 * ahead_ns_ &&
                    (std::abs(step - ahead - other_wrap_ns_) < kWrapError_ns || is_other_wrap(step, device_ns))) {
             ahead += other_wrap_ns_;
             has_wrapped_ = true;
@@ -69,11 +69,10 @@ public:
         host_ns_ = host_ns;
         device_ns_ = device_ns;
         if (ahead < 0) {
-            if (back_ns_ <= 0) {
-                before_back_ = x_;
-                // and later, if it came later after the one before than the device's frames follow each other
-                late_before_back_ = x_ - reference_ + std::max(step - ahead_ns_, 0.0);
-            }
+            const double reference = back_ns_ > 0 ? reference_if_set_back() : reference_;
+            if (back_ns_ <= 0) before_back_ = x_;
+            // and later, if it came later after the one before than the device's frames follow each other
+            late_before_back_ = x_ - reference + std::max(step - ahead_ns_, 0.0);
             back_ns_ = step - ahead;
             const bool has_begun = limits_.begins_at_zero && double(device_ns) < step + kBegun_ns;
             may_be_old_ = !has_begun && origin != Origin::is_new;
@@ -168,9 +167,8 @@ private:
     // A clock that begins again from 0 after a period that it has shown before, during a silence of `step`: the frame
     // was measured within the silence, and may be late by the rest of it.
     [[nodiscard]] bool is_other_wrap(double step, std::uint64_t device_ns) const noexcept {
-        return other_wrap_ns_ > 0 && double(device_ns)<step + kWrapError_ns&& double(device_ns_) <
-                                                       other_wrap_ns_ + kWrapError_ns&& double(device_ns_) + step>
-                                             other_wrap_ns_ - kWrapError_ns;
+        const double left_ns = other_wrap_ns_ - double(device_ns_);
+        return -kWrapError_ns < left_ns && left_ns < step + kWrapError_ns && double(device_ns) - kWrapError_ns < step;
     }
 
     void begin_again() noexcept {
@@ -181,12 +179,18 @@ private:
         open_window();
     }
 
-    // The clock was set back. A lag that there was before is there still: the first frame after it was measured later than
+    // A lag that there was before the clock was set back is there still: the first frame after it was measured later than
     // the one before it, and so came at most that much late.
-    void accept_set_back() noexcept {
+    [[nodiscard]] double reference_if_set_back() const noexcept {
         const double lag = late_before_back_ > kWrapError_ns ? late_before_back_ : 0;
-        const double reference = std::min(first_since_back_ - lag, min_since_back_) + slope_ * t_;
-        other_wrap_ns_ = back_ns_;
+        return std::min(first_since_back_ - lag, min_since_back_) + slope_ * t_;
+    }
+
+    void accept_set_back() noexcept {
+        const double reference = reference_if_set_back();
+        // After a silence it has restarted: no period is known.
+        const bool may_be_period = limits_.wrap_ns > 0 && back_silence_ns_ < kWrapError_ns + 2 * ahead_ns_;
+        other_wrap_ns_ = may_be_period ? back_ns_ : 0;
         ++set_back_;
         restart();
         reference_ = std::min(x_, reference);
@@ -301,7 +305,7 @@ private:
     double falling_ns_ = 0, fell_at_ = 0;  // sum of the falls, less the time since, at this t_
     double last_jump_ = -1e300;            // its time t_
     double jumps_ = 0;                     // falls that no rate explains; one is forgotten each minute
-    double other_wrap_ns_ = 0;             // last value of back_ns_; 0: none
+    double other_wrap_ns_ = 0;             // period of the device's clock, besides wrap_ns; 0: not known
     bool wraps_early_ = false, has_wrapped_ = false;
     unsigned set_back_ = 0;
     double window_begin_ = 0, window_ns_ = kMinWindow_ns, window_min_ = 1e300;

@@ -79,6 +79,8 @@ struct Case {
 };
 const Case kStreams[] = {{"clock", {}},
                          {"clock, TCP", {.reopening_discards = true}},
+                         {"clock only", {.sequence = false}},
+                         {"clock only, TCP", {.sequence = false, .reopening_discards = true}},
                          {"sequence", {.clock = false}},
                          {"sequence, TCP", {.clock = false, .reopening_discards = true}},
                          {"arrival", {.clock = false, .sequence = false}},

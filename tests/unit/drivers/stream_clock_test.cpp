@@ -135,6 +135,37 @@ TEST(StreamAge, AClockThatIsSetBackInALagTwiceStaysAsLateAsItWas) {
     EXPECT_LT(device.next(1, 2010).late_ns, 15 * kMs);
 }
 
+// The second time comes before it is known that the first one was no ring of old frames: 22 s.
+TEST(StreamAge, ALagThatBeginsBetweenTwoTimesAtWhichAClockIsSetBackIsSeen) {
+    Device device(network(), true, false);
+    device.run(1000);
+    for (const double lag_ms : {1.0, 2000.0}) {
+        device.clock_zero_ns += 20 * kS;
+        device.run(500, lag_ms);
+        device.run(100, 2000);
+    }
+    for (int i = 0; i < 5000; ++i) ASSERT_GT(double(device.next(2000).late_ns) * 1e-6, 1950) << i;
+    EXPECT_LT(device.next(1, 2010).late_ns, 60 * kMs);
+}
+
+// A device runs for about a minute each time. That is no period of its clock.
+TEST(StreamAge, ADeviceThatRestartsAgainAndAgainHasNoPeriod) {
+    Device device(connection(), true, false);
+    for (int i = 0; i < 3; ++i) {
+        device.measured_ns += 3 * kS;
+        device.clock_zero_ns = device.measured_ns - 50 * kMs;
+        // The path has held the first frames, and the device's start took some of the silence.
+        for (double held_ms = 1500; held_ms > 0; held_ms -= 10) {
+            const Frame frame = device.next(held_ms);
+            if (i > 0) EXPECT_NE(frame.age, Age::proved) << i << ", " << held_ms;
+        }
+        device.run(100);
+        device.open(connection());
+        device.run(5700 + 100 * i);
+        EXPECT_EQ(device.next().age, Age::proved) << i;
+    }
+}
+
 // The clock is 1 % faster than the machine's, and 200 ppm are stated: it would hide a lag of a second within 100 s.
 TEST(StreamAge, AClockThatIsFasterThanStatedProvesNothingUntilItsRateIsLearnedOverANewConnection) {
     for (const bool discards : {false, true}) {
