@@ -80,16 +80,17 @@ public:
                                  : origin == Origin::is_old ? 1e300
                                                             : std::clamp(kLonger * back_ns_, kSetBack_ns, kReplay_ns);
             back_silence_ns_ = step;
-            back_since_ = t_;
+            back_for_ns_ = 0;
             min_since_back_ = first_since_back_ = x_ + back_ns_ - slope_ * t_;
         }
+        back_for_ns_ += std::clamp(ahead, 0.0, step);  // a silence shows nothing
         ahead_ns_ = ahead;
         x_ += step - ahead;
         min_since_back_ = std::min(min_since_back_, x_ - slope_ * t_);
         if (back_ns_ > 0 && x_ - before_back_ < (first_since_back_ + slope_ * t_ - before_back_) / 2)
             back_ns_ = 0;  // a frame that was overtaken comes alone
         advance(step);
-        if (back_ns_ > 0 && t_ - back_since_ > set_back_after_ns_) accept_set_back();
+        if (back_ns_ > 0 && back_for_ns_ > set_back_after_ns_) accept_set_back();
         return x_ - reference_;
     }
 
@@ -297,8 +298,9 @@ private:
     double back_silence_ns_ = 0;
     bool may_be_old_ = false;
     double set_back_after_ns_ = kSetBack_ns;
-    double before_back_ = 0, late_before_back_ = 0, back_since_ = 0;  // x, the lateness and t_ before
-    double first_since_back_ = 0, min_since_back_ = 0;                // x since then, without the drift
+    double back_for_ns_ = 0;                            // the device's clock has advanced by this since it went back
+    double before_back_ = 0, late_before_back_ = 0;     // x and the lateness before
+    double first_since_back_ = 0, min_since_back_ = 0;  // x since then, without the drift
     double lowered_ns_ = 0;  // sum by which the reference was lowered, as far as neither drift nor jumps explain it
     double excess_ns_ = 0;   // by which a clock that is too fast may have lowered it since
     bool is_too_fast_ = false, has_fallen_ = false, is_no_clock_ = false;

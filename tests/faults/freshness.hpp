@@ -16,7 +16,7 @@
 namespace tactiled::faults {
 
 struct Stream {
-    double rate_Hz = 100;
+    double rate_Hz = 100, declared = 1;  // declared: the share of it that the configuration states; 0: nothing
     bool clock = true, sequence = true;
     double ppm = 0, temperature_ppm = 0;  // rate error of the device's clock; its steps each half hour
     double jitter_ms = 20, grid_ms = 16;  // evenly distributed delay of the path; period of a USB adapter's polls
@@ -59,7 +59,7 @@ public:
     FreshnessRun(const Stream& stream, std::uint64_t seed)
         : stream_(stream),
           random_(seed),
-          age_(stream.rate_Hz, 0.2, std::uint64_t(stream.stale_ms * 1e6)),
+          age_(stream.rate_Hz * stream.declared, 0.2, std::uint64_t(stream.stale_ms * 1e6)),
           sequence_(std::uint32_t(random_())),
           offset_us_(double(random_() % 4'000'000'000u)),
           lines_({.channels = 1, .sequence = stream.sequence, .time_us = stream.clock, .crc16 = true}, counts_),

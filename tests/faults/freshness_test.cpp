@@ -90,6 +90,7 @@ const Case kStreams[] = {{"clock", {}},
 void vary(Stream& stream, std::mt19937_64& random) {
     const auto one_of = [&](std::initializer_list<double> values) { return values.begin()[random() % values.size()]; };
     stream.rate_Hz = one_of({20, 37, 50, 80, 100, 333, 1000, 4000});
+    stream.declared = one_of({1, 1, 0, 0.85, 1.15});
     stream.jitter_ms = one_of({0, 0.2, 2, 20});
     stream.grid_ms = one_of({0, 0, 1, 16});
     stream.temperature_ppm = one_of({0, 20});
@@ -142,8 +143,8 @@ void no_undetected_old_value(const std::vector<Kind>& kinds, double hours, bool 
                 simulated_s += run.now_s() - begin_s;
                 sum.wrong_s += run.tally.wrong_s;
                 if (run.tally.wrong_s > 0 && is_attack && kind.seen != kByNone)
-                    fmt::print("  {} {}: {} s, {} Hz, jitter {} grid {}, {} bits, clock {} bits of {} us, {}\n", kind.name,
-                               each.name, run.tally.wrong_s, stream.rate_Hz, stream.jitter_ms, stream.grid_ms,
+                    fmt::print("  {} {}: {} s, {} Hz, declared {}, jitter {} grid {}, {} bits, clock {} bits of {} us, {}\n", kind.name,
+                               each.name, run.tally.wrong_s, stream.rate_Hz, stream.declared, stream.jitter_ms, stream.grid_ms,
                                stream.counter_bits, stream.clock_bits, stream.clock_step_us,
                                stream.format == Stream::Format::lines ? "lines" : "cobs");
                 sum.wrong_before_s += run.tally.wrong_before_s;

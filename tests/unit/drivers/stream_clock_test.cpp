@@ -148,6 +148,16 @@ TEST(StreamAge, ALagThatBeginsBetweenTwoTimesAtWhichAClockIsSetBackIsSeen) {
     EXPECT_LT(device.next(1, 2010).late_ns, 60 * kMs);
 }
 
+TEST(StreamAge, AFrameThatWasOvertakenBeforeASilenceIsNoClockThatWasSetBack) {
+    Device device(network(), true, false);
+    device.run(1000);
+    device.measured_ns -= 500 * kMs;
+    EXPECT_NEAR(double(device.next(500).late_ns) * 1e-6, 499, 15);
+    device.measured_ns += 490 * kMs;
+    for (int i = 0; i < 50; ++i) EXPECT_NEAR(double(device.next(5000).late_ns) * 1e-6, 4999, 15);
+    EXPECT_NEAR(double(device.next(450, 4560).late_ns) * 1e-6, 449, 15);
+}
+
 // A device runs for about a minute each time. That is no period of its clock.
 TEST(StreamAge, ADeviceThatRestartsAgainAndAgainHasNoPeriod) {
     Device device(connection(), true, false);
