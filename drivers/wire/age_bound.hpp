@@ -49,6 +49,7 @@ public:
             return 0;
         }
         has_fallen_ = false;
+        fell_ns_ = 0;
         const auto step = double(std::int64_t(host_ns - host_ns_));
         auto ahead = double(std::int64_t(device_ns - device_ns_));
         if (wraps_early_ && double(device_ns) > kEarlyWrap_ns) wraps_early_ = false;
@@ -83,7 +84,7 @@ public:
             back_for_ns_ = 0;
             min_since_back_ = first_since_back_ = x_ + back_ns_ - slope_ * t_;
         }
-        back_for_ns_ += std::clamp(ahead, 0.0, step);  // a silence shows nothing
+        back_for_ns_ += std::max(std::min(ahead, step), 0.0);  // a silence shows nothing
         ahead_ns_ = ahead;
         x_ += step - ahead;
         min_since_back_ = std::min(min_since_back_, x_ - slope_ * t_);
@@ -126,6 +127,8 @@ public:
     [[nodiscard]] bool has_wrapped() const noexcept { return has_wrapped_; }
     // The last frame came much earlier than any before: a lag since the start has ended, or the clock was set.
     [[nodiscard]] bool has_fallen() const noexcept { return has_fallen_; }
+    // By how much the last frame came earlier than any before, and more than by its slope.
+    [[nodiscard]] double fell_ns() const noexcept { return fell_ns_; }
     // The reference has fallen by more than 50 ms within about as much of the host's time: frames that had been kept while
     // the host's clock stood still (a virtual machine), or since before the first one, come one after the other. Until that
     // is over, the frames are older than they seem. rt: wait-free
@@ -220,6 +223,7 @@ private:
 
     void lower(double step) noexcept {
         const double fall = reference_ - x_, counted = std::min(fall, excess_ns_);
+        fell_ns_ = fall;
         excess_ns_ -= counted;
         lowered_ns_ += counted;
         is_too_fast_ = is_too_fast_ || lowered_ns_ > kTooFast_ns;
@@ -304,6 +308,7 @@ private:
     double lowered_ns_ = 0;  // sum by which the reference was lowered, as far as neither drift nor jumps explain it
     double excess_ns_ = 0;   // by which a clock that is too fast may have lowered it since
     bool is_too_fast_ = false, has_fallen_ = false, is_no_clock_ = false;
+    double fell_ns_ = 0;
     double falling_ns_ = 0, fell_at_ = 0;  // sum of the falls, less the time since, at this t_
     double last_jump_ = -1e300;            // its time t_
     double jumps_ = 0;                     // falls that no rate explains; one is forgotten each minute

@@ -95,11 +95,11 @@ private:
     struct ClockStep {
         double silence_us = 0, booted_us = 0;  // host's time since the frame before; the clock, if it began at 0
         bool ended = false, went_back = false;
-        bool counter_began = false, clock_began = false;  // the device seems to have restarted
+        bool counter_began = false, clock_began = false, may_have_begun = false;  // the device seems to have restarted
         bool leapt = false;
     };
 
-    void begin_clock() noexcept;
+    void begin_clock(double silence_ns) noexcept;
     [[nodiscard]] ClockStep clock_step(const Frame& frame, std::uint64_t host_ns) const noexcept;
     void by_clock(Frame& frame, std::uint64_t host_ns) noexcept;
     void by_sequence(Frame& frame, std::uint64_t host_ns) noexcept;
@@ -166,6 +166,7 @@ private:
     bool is_no_clock_ = false;          // and it was faster still: its unit is another one
     std::uint64_t device_time_us_ = 0;  // the latest one
     double interval_us_ = 0;            // mean interval of the device's times
+    double hidden_ns_ = 0;              // silences before starts of the device, in which a lag may have begun
 
     // The counter as a clock.
     std::uint32_t sequence_ = 0;
@@ -179,6 +180,7 @@ private:
     double learn_frames_ = 0;            // that period_ns_ is learnt from, and the host's time in which they came
     double learned_ns_ = 0, mean_before_ns_ = 0;
     bool must_reopen_ = false;        // no number can prove the age until then
+    bool began_at_opening_ = false;   // the counter had begun again when the link was last opened
     double max_late_ns_ = 0;          // the largest lateness in this lag
     std::uint64_t max_late_at_ = 0;   // when it was so late, by a tenth
     std::uint64_t settle_until_ = 0;  // 0: no lag has been caught up
@@ -229,12 +231,14 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
         frame.age = Frame::Age::unproved;
         return;
     }
+    if (has_clock_ && frame.device_time_us == 0) {  // without its time for once
+        frame.age = Frame::Age::unproved;
+        return;
+    }
     back_ = 0;
     if (frame.has_sequence) follow_run(frame, host_ns);
     if (route_.device_clock && frame.device_time_us != 0)
         by_clock(frame, host_ns);
-    else if (has_clock_)  // without its time for once
-        frame.age = Frame::Age::unproved;
     else if (route_.path == Route::Path::direct)
         by_cable(frame, host_ns);
     else if (frame.has_sequence)

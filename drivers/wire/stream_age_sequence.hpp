@@ -80,6 +80,7 @@ inline void StreamAge::learn_rate(std::uint64_t host_ns) noexcept {
     period_ns_ = mean_ns();
     if (max_period_ns_ > 0) period_ns_ = std::min(period_ns_, max_period_ns_);
     begin_to_count();
+    (void)bound_.late_ns(host_ns, std::uint64_t(counted_ * period_ns_));  // this frame is on time
     known_ns_ = host_ns;
 }
 
@@ -192,6 +193,16 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
     const double advance = advance_of(frame, silence_ns);
     // The counter may have passed its end any number of times, and does not show how long the path held this frame.
     if (has_waited(host_ns) && silence_ns > range_ns(frame) / 2) must_reopen_ = true;
+    // A lag of its range looks as if there was none.
+    if (!is_reopened_ && interval_ns() > 0 && silence_ns > std::max(range_ns(frame) - kLate_ns, kLate_ns + interval_ns()))
+        must_reopen_ = true;
+    // The device has restarted, or counts each connection from 0; or the counter is further than the time since the last
+    // frame that was proved. The next opening shows it.
+    const bool begins = is_reopened_ && advance == 0;
+    const bool leapt = is_reopened_ && advance * interval_ns() > 1.25 * double(host_ns - punctual_ns_) + kLate_ns;
+    const bool may_be_kept = route_.reopening_discards && (leapt || (begins && !began_at_opening_));
+    must_reopen_ = must_reopen_ || may_be_kept;
+    if (is_reopened_) began_at_opening_ = begins;
     bool late_is_known = period_ns_ > 0;
     double late = late_is_known ? late_by_counter(frame, advance, silence_ns, host_ns)
                                 : late_while_learning(frame, advance, silence_ns, host_ns);
@@ -214,8 +225,8 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
     // The device had paused: its counter is behind as before, and the path held nothing that opening it again discarded. A
     // lag of which a part was discarded is judged by the rest of it.
     const bool had_paused = !late_is_known || late > late_ns_ - kLate_ns;
-    if (is_unproved_ && had_paused && has_discarded(late) && !has_waited(host_ns) && !bound_.has_gone_back() &&
-        !may_come_again(host_ns)) {
+    if (is_unproved_ && had_paused && has_discarded(late) && !may_be_kept && !has_waited(host_ns) &&
+        !bound_.has_gone_back() && !may_come_again(host_ns)) {
         bound_.restart();
         bound_.end_fall();
         late = 0;

@@ -8,7 +8,7 @@
 namespace tactiled::faults {
 
 // Streams of which no receiver can see this, see drivers/wire/freshness.md.
-enum SeenBy { kByAll, kByClocks, kByCounters, kByAllButRelays, kByCountersAndPty, kByTcp, kByNone };
+enum SeenBy { kByAll, kByClocks, kByClocksOverTcp, kByCounters, kByAllButRelays, kByCountersAndPty, kByTcp, kByNone };
 
 struct Kind {
     const char* name;

@@ -105,6 +105,7 @@ bool must_see(SeenBy seen, bool clock, bool counter, bool tcp) {
     switch (seen) {
         case kByAll: return true;
         case kByClocks: return clock;
+        case kByClocksOverTcp: return clock && tcp;
         case kByCounters: return counter;
         case kByAllButRelays: return clock || !tcp;
         case kByCountersAndPty: return counter || !tcp;

@@ -126,6 +126,43 @@ void old_frames_again(FreshnessRun& run, std::mt19937_64& random, double rounds)
 void old_frames_once(FreshnessRun& run, std::mt19937_64& random) { old_frames_again(run, random, 1); }
 void old_frames_in_a_ring(FreshnessRun& run, std::mt19937_64& random) { old_frames_again(run, random, 5); }
 
+// Two to five causes at the same time, or shortly after one another. No clock is set by about as much as a lag may have.
+void several_causes(FreshnessRun& run, std::mt19937_64& random) {
+    const auto one_in = [&](unsigned n) { return random() % n == 0; };
+    if (one_in(3)) run.when_closed = Closed::keeps;
+    for (std::uint64_t n = 2 + random() % 4; n > 0; --n) {
+        const double s = between(random, 0, 4);
+        switch (random() % 8) {
+            case 0: run.extra_lag_s = one_in(3) ? 0 : 0.2 + s; break;
+            case 1: run.clock_jump_us += (one_in(2) ? 1 : -1) * std::pow(10, between(random, 7, 9)); break;
+            case 2:
+                run.pauses = true;
+                run.run_s(one_in(3) ? 0 : s);
+                run.pauses = false;
+                run.restart_device();
+                break;
+            case 3: run.reopen(); break;
+            case 4: run.hold_until(run.now_s() + s); break;
+            case 5: run.count_on((one_in(2) ? 1 : -1) * std::pow(10, between(random, 0, 5))); break;
+            case 6:
+                run.pauses = true;
+                run.run_s(s);
+                run.pauses = false;
+                break;
+            case 7:
+                run.drop = 1;
+                run.run_s(s);
+                run.drop = 0;
+                break;
+        }
+        if (!one_in(3)) run.run_s(one_in(2) ? s / 10 : s);
+    }
+    run.run_s(10);
+    run.extra_lag_s = 0;
+    run.when_closed = Closed::discards;
+    run.run_s(70);
+}
+
 void doubled(FreshnessRun& run, std::mt19937_64& random) {
     run.copies_late_s = 1e-9;
     run.run_s(10);
@@ -154,6 +191,7 @@ const std::vector<Kind> kOddKinds = {
     {"a link is down on a busy machine from the start", down_on_a_busy_machine, kByCounters, 0, true, 0, longer_counter},
     {"old frames come again, once", old_frames_once, kByCounters, 0, false, 0, of_lines},
     {"old frames come again in a ring", old_frames_in_a_ring, kByCounters, 0, false, 0, of_lines},
+    {"two to five causes at once", several_causes, kByClocksOverTcp, 0, false, 0, of_lines},
     {"each frame is sent twice", doubled, kByCounters}};
 
 }  // namespace tactiled::faults

@@ -168,15 +168,33 @@ TEST(StreamAge, ADeviceWithoutADeclaredRateIsProvedByAnOpening) {
 }
 
 // A server that counts the frames of each connection.
-TEST(StreamAge, ACounterOfEachConnectionIsProvedByAnOpening) {
+TEST(StreamAge, ACounterOfEachConnectionIsProvedByTwoOpenings) {
     Device device(connection(), false);
     device.age.open(connection(), device.measured_ns);
     device.run(50);
     EXPECT_EQ(device.next(300).age, Age::unproved);
-    device.measured_ns += 300 * kMs;
-    device.age.open(connection(), device.measured_ns);
-    device.sequence = 0;
-    EXPECT_EQ(device.reopened(10).age, Age::proved);
+    for (const Age age : {Age::unproved, Age::proved}) {
+        device.measured_ns += 300 * kMs;
+        device.age.open(connection(), device.measured_ns);
+        device.sequence = 0;
+        EXPECT_EQ(device.reopened(10).age, age);
+    }
+}
+
+// The device restarts, or another one takes its place, while the connection is closed for 0.2 s. The path keeps the frames.
+TEST(StreamAge, ACounterThatLeapsWhileTheConnectionIsClosedProvesNothing) {
+    for (const std::uint32_t before : {5u, 3'000'000'000u})
+        for (const std::uint32_t after : {0u, 4'000u, 3'100'000'000u}) {
+            Device device(connection(), false);
+            device.sequence = before;
+            device.run(500);
+            device.age.open(connection(), device.measured_ns + 201 * kMs);
+            device.sequence = after;
+            for (int i = 0; i < 100; ++i) ASSERT_EQ(device.next(220).age, Age::unproved) << before << after << i;
+            device.open(connection());
+            device.sequence += 21;
+            EXPECT_EQ(device.reopened(210 + 220).age, Age::proved);
+        }
 }
 
 TEST(StreamAge, MissingTimeThatWasCaughtUpIsProof) {
