@@ -7,8 +7,9 @@
 //
 // Late answers. Over TCP a transaction number identifies them. An RTU answer has only unit, function and length. A
 // request without a good answer therefore makes its unit doubtful, and a doubtful unit is first asked for a number of
-// registers that no other request to it uses. A slave answers in order, so after an answer of that length, or an
-// exception, no older answer can arrive.
+// registers that no other request to it uses, and that is another one each time: a probe. A slave answers in order, so
+// after an answer of that length no older answer can arrive, unless it is older than the last probe of the same length.
+// Lengths that the slave refuses are left out; one that refuses them all is believed.
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
@@ -67,7 +68,7 @@ public:
             device.was_set_up = false;
             device.sequence.reset();
             // an earlier user of the line may have sent a request to it
-            doubted_[device.is.unit] = wire_ == ModbusWire::rtu;
+            units_[device.is.unit].is_doubted = wire_ == ModbusWire::rtu;
         }
         return "";
     }
@@ -115,11 +116,15 @@ private:
         std::uint64_t period_ns;
         // on the device's own grid, so the period does not drift with the duration of answers
         std::uint64_t due_ns = 0;
-        std::uint16_t probe_registers = 1;  // number of registers that no other request to this unit has
-        std::size_t started = 0;            // number of writes of is.start that were confirmed
-        bool was_set_up = false;            // since open()
-        unsigned missed = 0;                // consecutive requests without a good answer
+        std::size_t started = 0;  // number of writes of is.start that were confirmed
+        bool was_set_up = false;  // since open()
+        unsigned missed = 0;      // consecutive requests without a good answer
         SequenceTracker sequence;
+    };
+    struct Unit {
+        bool is_doubted = false;
+        std::array<std::uint16_t, 4> probes{};  // numbers of registers that no other request to this unit has
+        std::size_t n_probes = 0, probe = 0;    // those that it has not refused, and the one that is asked for
     };
     enum class Asked { probe, start, values };
 
@@ -157,12 +162,16 @@ private:
         devices_.push_back({.is = std::move(device), .period_ns = period_ns, .sequence = {}});
     }
 
+    // The shortest ones: it may refuse longer ones than its own.
     void choose_probes() {
-        for (auto& device : devices_)
-            while (std::any_of(devices_.begin(), devices_.end(), [&](const Device& other) {
-                return other.is.unit == device.is.unit && other.is.set.count == device.probe_registers;
-            }))
-                ++device.probe_registers;
+        for (std::size_t unit = 0; unit < units_.size(); ++unit) {
+            units_[unit].probe = units_[unit].probes.size() - 1;  // the first one is next
+            for (std::uint16_t registers = 1; units_[unit].n_probes < units_[unit].probes.size(); ++registers)
+                if (std::none_of(devices_.begin(), devices_.end(), [&](const Device& device) {
+                        return device.is.unit == unit && device.is.set.count == registers;
+                    }))
+                    units_[unit].probes[units_[unit].n_probes++] = registers;
+        }
     }
 
     // Refuses requests that exceed the capacity of the line: all answers would be late without an obvious reason.
@@ -215,10 +224,12 @@ private:
 
     bool ask(Device& device) noexcept {
         const ModbusDevice& is = device.is;
+        Unit& unit = units_[is.unit];
         request_ = {.transaction = ++transaction_, .unit = is.unit, .function = is.function, .at = is.set.at};
-        if (doubted_[is.unit]) {
+        if (unit.is_doubted) {
             asked_ = Asked::probe;
-            request_.count = device.probe_registers;
+            unit.probe = (unit.probe + 1) % unit.n_probes;
+            request_.count = unit.probes[unit.probe];
         } else if ((set_up_ = to_set_up(is.unit)) != nullptr) {
             asked_ = Asked::start;
             const auto& write = set_up_->is.start[set_up_->started];
@@ -261,7 +272,10 @@ private:
         }
         asking_ = nullptr;
         quiet_until_ns_ = last_byte_ns_ + silence_ns_;
-        if (asked_ == Asked::probe) doubted_[device.is.unit] = false;
+        if (Unit& unit = units_[device.is.unit]; found == Found::refused && unit.n_probes > 1)
+            unit.probes[unit.probe] = unit.probes[--unit.n_probes];
+        else if (asked_ == Asked::probe)
+            unit.is_doubted = false;
         if (asked_ == Asked::start && ++set_up_->started == set_up_->is.start.size() &&
             std::exchange(set_up_->was_set_up, true))
             ++counts[TACTILED_LINK_RESTARTED];
@@ -279,7 +293,7 @@ private:
     void failed(tactiled_link_count kind) noexcept {
         ++counts[kind];
         Device& device = *std::exchange(asking_, nullptr);
-        doubted_[device.is.unit] = wire_ == ModbusWire::rtu;
+        units_[device.is.unit].is_doubted = wire_ == ModbusWire::rtu;
         quiet_until_ns_ = now_ns() + silence_ns_;
         // The unit may have lost its supply, and with it its settings and counters. A slow poll misses at most one
         // request.
@@ -303,7 +317,7 @@ private:
     TcpAddress address_;
     std::uint64_t timeout_ns_ = 0, byte_ns_ = 0, silence_ns_ = 0;  // the last two are 0 over TCP
     std::vector<Device> devices_;
-    std::array<bool, 256> doubted_{};  // by unit
+    std::array<Unit, 256> units_;
 
     int fd_ = -1;
     ModbusAnswers answers_;

@@ -42,16 +42,32 @@ std::string now_text() {
 
 std::string zeros_path(const std::string& configured, const std::string& node_name) {
     if (!configured.empty()) return configured;
-    std::string folder;
     if (const std::string state = variable("STATE_DIRECTORY"); !state.empty())
-        folder = state.substr(0, state.find(':'));
-    else if (::access(kInstalled, W_OK) == 0)
-        folder = kInstalled;
-    else if (const std::string own = variable("XDG_STATE_HOME"); !own.empty())
-        folder = own + "/tactiled";
+        return zeros_path_in({state.substr(0, state.find(':'))}, node_name);
+    std::vector<std::string> folders{kInstalled};
+    if (const std::string own = variable("XDG_STATE_HOME"); !own.empty())
+        folders.push_back(own + "/tactiled");
     else if (const std::string home = variable("HOME"); !home.empty())
-        folder = home + "/.local/state/tactiled";
-    return folder.empty() ? "" : fmt::format("{}/{}.zeros.toml", folder, node_name);
+        folders.push_back(home + "/.local/state/tactiled");
+    return zeros_path_in(folders, node_name);
+}
+
+std::string zeros_path_in(const std::vector<std::string>& folders, const std::string& node_name) {
+    std::string newest;
+    std::filesystem::file_time_type newest_time;
+    for (const std::string& folder : folders) {
+        const std::string path = fmt::format("{}/{}.zeros.toml", folder, node_name);
+        std::error_code error;
+        const auto time = std::filesystem::last_write_time(path, error);
+        if (error || (!newest.empty() && time <= newest_time)) continue;
+        newest = path;
+        newest_time = time;
+    }
+    if (!newest.empty()) return newest;
+    for (const std::string& folder : folders)
+        if (&folder == &folders.back() || ::access(folder.c_str(), W_OK) == 0)
+            return fmt::format("{}/{}.zeros.toml", folder, node_name);
+    return "";
 }
 
 // ---- start and reload --------------------------------------------------------------------------------------------------

@@ -26,10 +26,12 @@ struct ZeroOwner {
     bool restore = true;               // tare_after_restart = "restore"
 };
 
-// Returns the file of node `node_name` if none is configured: in $STATE_DIRECTORY (of systemd), else in
-// /var/lib/tactiled if that is writable, else in $XDG_STATE_HOME/tactiled, else in ~/.local/state/tactiled; "" =
-// nowhere.
+// Returns the file of node `node_name` if none is configured: in $STATE_DIRECTORY (of systemd), else zeros_path_in() of
+// /var/lib/tactiled and $XDG_STATE_HOME/tactiled or ~/.local/state/tactiled; "" = nowhere.
 std::string zeros_path(const std::string& configured, const std::string& node_name);
+// Returns the file that was written last, so that a folder that cannot be written any more does not hide a tare; if there is
+// no file, that in the first folder that can be written, or in the last one.
+std::string zeros_path_in(const std::vector<std::string>& folders, const std::string& node_name);
 
 class ZeroStore {
 public:

@@ -146,16 +146,27 @@ TEST_F(Slave, ALateRtuAnswerIsNeverTakenForANewOne) {
     send(one(0));
     EXPECT_EQ(request(), ask(10, 2));
     while (count(TACTILED_LINK_BUS_ERROR) == 0) ASSERT_EQ(read(5), Status::timeout);
-    EXPECT_EQ(request(), ask(10, 1));  // now, after the next request was sent, the old answer arrives
+    EXPECT_EQ(request(), ask(10, 3));  // now, after the next request was sent, the old answer arrives
     send(two(66, 66));
     ASSERT_EQ(read(1), Status::timeout);
-    send(one(0));
+    send(rtu({1, 3, 6, 0, 0, 0, 0, 0, 0}));
     EXPECT_EQ(request(), ask(10, 2));
     send(two(5, 6));
     ASSERT_EQ(read(), Status::frame);
     EXPECT_EQ(frame_.channel[0], 5);
     EXPECT_EQ(count(TACTILED_LINK_FRAMES), 1u);
     EXPECT_EQ(count(TACTILED_LINK_SKIPPED), 9u);
+}
+
+TEST_F(Slave, ALateAnswerToAProbeDoesNotAnswerANewerOne) {
+    open_pty("timeout_ms = 20", "[[slave]]\nrate_Hz = 20\n" + kValues);
+    for (const std::uint8_t registers : Bytes{1, 3, 4, 5}) {
+        EXPECT_EQ(request(), ask(10, registers));
+        if (registers > 1) send(one(0));  // to the first one
+        const std::uint32_t before = count(TACTILED_LINK_BUS_ERROR) + count(TACTILED_LINK_BAD_LENGTH);
+        while (count(TACTILED_LINK_BUS_ERROR) + count(TACTILED_LINK_BAD_LENGTH) == before)
+            ASSERT_EQ(read(5), Status::timeout);
+    }
 }
 
 TEST_F(Slave, ALateAnswerToASetOfOtherRegistersIsNotTakenEither) {
@@ -166,7 +177,7 @@ TEST_F(Slave, ALateAnswerToASetOfOtherRegistersIsNotTakenEither) {
     send(one(0));
     EXPECT_EQ(request(), ask(10, 2));
     while (count(TACTILED_LINK_BUS_ERROR) == 0) ASSERT_EQ(read(5), Status::timeout);
-    EXPECT_EQ(request(), ask(20, 1));  // the unit is in doubt, for any of its registers
+    EXPECT_EQ(request(), ask(20, 3));  // the unit is in doubt, for any of its registers
 }
 
 TEST_F(Slave, AUnitInDoubtIsAskedForALengthThatNoneOfItsSetsHas) {
@@ -177,10 +188,13 @@ TEST_F(Slave, AUnitInDoubtIsAskedForALengthThatNoneOfItsSetsHas) {
     EXPECT_EQ(request(), ask(10, 3));
 }
 
-TEST_F(Slave, AnExceptionIsAsGoodASignOfLifeAsRegistersAreWhenTheUnitIsInDoubt) {
+// It may refuse other lengths than that of its values.
+TEST_F(Slave, AUnitThatRefusesAllProbesIsBelieved) {
     open_pty("timeout_ms = 2000", "[[slave]]\n" + kValues);
-    request();
-    send(rtu({1, 0x83, 2}));
+    for (const std::uint8_t registers : Bytes{1, 3, 5, 4}) {
+        EXPECT_EQ(request(), ask(10, registers));
+        send(rtu({1, 0x83, 2}));
+    }
     EXPECT_EQ(request(), ask(10, 2));
     send(rtu({1, 0x83, 6}));
     EXPECT_EQ(read(1), Status::timeout);
@@ -211,22 +225,22 @@ TEST_F(Slave, StartWritesComeBeforeTheFirstReadingAndAgainAfterASilence) {
              "[[slave]]\nrate_Hz = 100\nstart = [{at = 1, value = 258}, {at = 2, value = 3, function = 16}]\n" + kValues);
     const Bytes first = rtu({1, 6, 0, 1, 1, 2}), second = rtu({1, 16, 0, 2, 0, 1, 2, 0, 3}),
                 confirmed = rtu({1, 16, 0, 2, 0, 1});
-    const auto set_up = [&] {
-        EXPECT_EQ(request(), ask(10, 1));
-        send(one(0));
+    const auto set_up = [&](std::uint8_t probe, const Bytes& probed) {
+        EXPECT_EQ(request(), ask(10, probe));
+        send(probed);
         EXPECT_EQ(request(), first);
         send(first);
         EXPECT_EQ(request(), second);
         send(confirmed);
         EXPECT_EQ(request(), ask(10, 2));
     };
-    set_up();
+    set_up(1, one(0));
     send(two(5, 6));
     ASSERT_EQ(read(), Status::frame);
     EXPECT_EQ(count(TACTILED_LINK_RESTARTED), 0u);
     EXPECT_EQ(request(), ask(10, 2));
     while (count(TACTILED_LINK_BUS_ERROR) == 0) ASSERT_EQ(read(5), Status::timeout);  // one is enough: a reset is quick
-    set_up();
+    set_up(3, rtu({1, 3, 6, 0, 0, 0, 0, 0, 0}));
     EXPECT_EQ(count(TACTILED_LINK_RESTARTED), 1u);
     send(two(5, 6));
     EXPECT_EQ(read(), Status::frame);

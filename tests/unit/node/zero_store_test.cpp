@@ -265,10 +265,27 @@ TEST(ZerosPath, IsConfiguredOrOfSystemdOrTheUsersOwn) {
         ::unsetenv("XDG_STATE_HOME");
         EXPECT_EQ(zeros_path("", "n"), "/home/me/.local/state/tactiled/n.zeros.toml");
         ::unsetenv("HOME");
-        EXPECT_EQ(zeros_path("", "n"), "");
+        EXPECT_EQ(zeros_path("", "n"), "/var/lib/tactiled/n.zeros.toml");  // the log says that it cannot be written
     }
     for (int i = 0; i < 3; ++i)
         if (!before[i].empty()) ::setenv(kept[i], before[i].c_str(), 1);
+}
+
+// A tare must not be forgotten because its folder cannot be written any more, or because another user starts the daemon.
+TEST_F(ZeroStoreTest, TheFileThatWasWrittenLastIsUsedWhereverItIs) {
+    const std::string first = folder_ + "/first", last = folder_ + "/last", none = folder_ + "/none";
+    const std::string in_first = first + "/n.zeros.toml", in_last = last + "/n.zeros.toml";
+    for (const auto& folder : {first, last}) std::filesystem::create_directories(folder);
+    EXPECT_EQ(zeros_path_in({none, first, last}, "n"), in_first);
+    EXPECT_EQ(zeros_path_in({none, last}, "n"), in_last);
+    std::ofstream(in_last) << "a";
+    EXPECT_EQ(zeros_path_in({first, last}, "n"), in_last);
+    std::ofstream(in_first) << "a";
+    const auto now = std::filesystem::last_write_time(in_last);
+    std::filesystem::last_write_time(in_first, now + std::chrono::seconds(1));
+    EXPECT_EQ(zeros_path_in({first, last}, "n"), in_first);
+    std::filesystem::last_write_time(in_first, now - std::chrono::seconds(1));
+    EXPECT_EQ(zeros_path_in({first, last}, "n"), in_last);
 }
 
 }  // namespace
