@@ -69,6 +69,7 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     const bool begins = is_reopened_ || step.clock_began || step.ended;
     device_time_us_ = begins ? frame.device_time_us : std::max(device_time_us_, frame.device_time_us);
     const unsigned set_back_before = bound_.set_back();
+    const bool was_unproved = is_unproved_;
     const bool had_gone_back = bound_.has_gone_back();
     const double offset_before_ns = bound_.offset_ns();
     double late = bound_.late_ns(host_ns, frame.device_time_us * 1000,
@@ -95,10 +96,14 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     // A path that has discarded a lag makes the frames as late as they were before it, and not earlier.
     const bool fell = bound_.fell_ns() > kLate_ns;
     const bool old_frames_end = had_gone_back && !bound_.has_gone_back() && !set_back && !fell;
-    const bool was_set_on = (late_ns_ > kLate_ns && bound_.has_fallen()) || bound_.fell_ns() > kLate_ns + hidden_ns_ ||
+    // No lag is longer than the time for which the age was not proved.
+    const double longest_lag_ns = double(host_ns_ - punctual_ns_);
+    const bool was_set_on = (late_ns_ > kLate_ns && !was_unproved && bound_.has_fallen()) ||
+                            bound_.fell_ns() > kLate_ns + longest_lag_ns ||
                             (had_gone_back && !old_frames_end && offset_before_ns - bound_.offset_ns() > kLate_ns);
     const bool leapt_while_closed = is_reopened_ && was_set_on && !restarts && is_network();
-    const bool leapt = (step.leapt && !old_frames_end) || (late_ns_ > kLate_ns && fell && !restarts && is_network());
+    const bool leapt =
+        (step.leapt && !old_frames_end) || (late_ns_ > kLate_ns && fell && !restarts && !is_reopened_ && is_network());
     const bool was_silent = bound_.silence_before_set_back_ns() > kLate_ns + interval_us_ * 1e3;
     const bool may_be_old = bound_.may_be_old() && route_.reopening_discards;
     const bool may_have_begun =
@@ -125,6 +130,7 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     // On a cable the clock is a second look, and one that is too fast sees nothing.
     if (route_.path == Route::Path::direct && (bound_.is_too_fast() || is_no_clock_)) return by_cable(frame, host_ns);
     if (is_unproved_ || (bound_.is_falling() && is_network())) frame.age = Frame::Age::unproved;
+    if (!is_unproved_) punctual_ns_ = host_ns;
     put_trouble(late > stale_ns_ || is_unproved_, host_ns);
 }
 

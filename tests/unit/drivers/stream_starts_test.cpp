@@ -1,0 +1,164 @@
+// StreamAge: a lag that begins together with something that makes the device's clock or counter begin anew.
+#include "delayed_device.hpp"
+
+namespace tactiled {
+namespace {
+
+bool looks_good(const Frame& frame) { return frame.age == Age::proved && frame.late_ns < 100 * kMs; }
+
+// Sends `frames` frames with a delay, of which none may look good.
+void expect_seen(Device& device, double delay_ms, int frames = 500) {
+    for (int i = 0; i < frames; ++i) ASSERT_FALSE(looks_good(device.next(delay_ms))) << i;
+}
+
+// The link is opened again, and discards the frames that were on their way.
+void expect_proved_by_an_opening(Device& device, double delay_ms) {
+    device.open(connection());
+    const auto missing = std::uint32_t(20 + delay_ms / 10);
+    device.sequence += missing;
+    (void)device.next(1, 10 * (missing + 1));
+    device.run(10);
+    EXPECT_TRUE(looks_good(device.next()));
+}
+
+TEST(StreamAge, ALagThatBeginsWhenTheRateOfTheCounterIsKnownIsSeen) {
+    for (int before = 190; before < 215; ++before) {
+        SCOPED_TRACE(before);
+        Device device(network(), false);
+        device.run(before);
+        expect_seen(device, 3000);
+    }
+}
+
+TEST(StreamAge, ALagThatBeginsWhenTheClockIsSetOnIsSeen) {
+    for (const bool counter : {true, false})
+        for (const auto& [lag_ms, set_on_ms] : {std::pair{800.0, 900.0}, {3000.0, 3100.0}, {3000.0, 100'000.0}}) {
+            SCOPED_TRACE(testing::Message() << counter << ' ' << lag_ms << ' ' << set_on_ms);
+            Device device(connection(), true, counter);
+            device.run(1000);
+            device.clock_zero_ns -= std::uint64_t(set_on_ms) * kMs;
+            expect_seen(device, lag_ms);
+            expect_proved_by_an_opening(device, lag_ms);
+        }
+}
+
+TEST(StreamAge, AClockThatGoesBackAndThenOnInALagIsSeen) {
+    for (const bool counter : {true, false})
+        for (const int between : {5, 50, 150}) {
+            SCOPED_TRACE(testing::Message() << counter << ' ' << between);
+            Device device(network(), true, counter);
+            device.run(1000);
+            device.run(300, 3000);
+            device.clock_zero_ns += 40 * kS;
+            expect_seen(device, 3000, between);
+            device.clock_zero_ns -= 150 * kS;
+            expect_seen(device, 3000);
+        }
+}
+
+TEST(StreamAge, AnotherDeviceThatTakesOverWithoutASilenceProvesNothing) {
+    Device device(connection());
+    device.run(1000);
+    device.measured_ns -= 2 * kS;  // its frames are so old
+    device.clock_zero_ns -= 502 * kS;
+    device.sequence += 12345;
+    EXPECT_FALSE(looks_good(device.next(2000, 10, 12345)));
+    expect_seen(device, 2000);
+    expect_proved_by_an_opening(device, 2000);
+}
+
+TEST(StreamAge, ALagAndAClockThatIsSetOnWhileTheLinkIsClosedAreSeen) {
+    for (const bool counter : {true, false}) {
+        Device device(connection(), true, counter);
+        device.run(1000);
+        device.open(connection());
+        device.clock_zero_ns -= 100 * kS;
+        device.measured_ns += 200 * kMs;
+        device.sequence += 20;
+        expect_seen(device, 2000);
+        expect_proved_by_an_opening(device, 2000);
+    }
+}
+
+TEST(StreamAge, AClockThatBecomesValidInALagProvesNothing) {
+    for (const int in_lag : {0, 100}) {  // it may begin with the lag
+        SCOPED_TRACE(in_lag);
+        Device device(connection(), false);
+        device.run(1000);
+        device.run(in_lag, 3000);
+        device.has_clock = true;
+        device.clock_zero_ns = device.measured_ns;
+        expect_seen(device, 3000);
+        expect_proved_by_an_opening(device, 3000);
+    }
+}
+
+// It looks as if the clock had passed the end of its 30 or 32 bits in a pause.
+TEST(StreamAge, ALagAndARestartNearTheEndOfTheClockAreSeen) {
+    for (const bool counter : {true, false})
+        for (const std::uint64_t end_ms : {1'073'741u, 4'294'967u})
+            for (const unsigned left_ms : {900u, 1500u, 2900u}) {
+                SCOPED_TRACE(testing::Message() << counter << ' ' << end_ms << ' ' << left_ms);
+                Device device(connection(), true, counter);
+                device.clock_zero_ns = device.measured_ns - (end_ms - left_ms) * kMs + 10 * kS;
+                device.run(1000);
+                device.sequence = 0;
+                // The decoders take it for a clock that has passed the end of 32 bits.
+                device.clock_zero_ns = device.measured_ns - (end_ms > 2'000'000 ? 4'294'967'296'000 : 0);
+                expect_seen(device, left_ms + 100.0);
+                expect_proved_by_an_opening(device, left_ms + 100.0);
+            }
+}
+
+// A power cut, and a relay that keeps what it has while the link is closed.
+TEST(StreamAge, ALagAndARestartWhileTheLinkIsClosedAreSeen) {
+    for (const bool clock : {true, false})
+        for (const bool counter : {true, false}) {
+            if (!clock && !counter) continue;
+            SCOPED_TRACE(testing::Message() << clock << counter);
+            Device device(connection(), clock, counter);
+            device.run(1000);
+            device.open(connection());
+            device.measured_ns += 500 * kMs;
+            device.clock_zero_ns = device.measured_ns;
+            device.sequence = 0;
+            expect_seen(device, 2000);
+            expect_proved_by_an_opening(device, 2000);
+        }
+}
+
+TEST(StreamAge, AClockWhoseFirstTimeIs0HasRestarted) {
+    for (const bool counter : {true, false}) {
+        Device device(connection(), true, counter);
+        device.run(1000);
+        device.clock_zero_ns = device.measured_ns + 10 * kMs;
+        device.sequence = 0;
+        expect_seen(device, 1400);
+        expect_proved_by_an_opening(device, 1400);
+    }
+}
+
+TEST(StreamAge, SmallLagsThatBeginWithEachOfSeveralStartsAddUp) {
+    Device device(connection());
+    for (int i = 0; i < 9; ++i) {
+        device.run(200, 1 + 45 * i);
+        device.clock_zero_ns = device.measured_ns;
+        device.sequence = 0;
+    }
+    expect_seen(device, 400);
+}
+
+TEST(StreamAge, ALagOfTheRangeOfTheCounterIsSeen) {
+    for (const std::uint32_t lost : {0u, 100u}) {
+        Device device(network(), false);
+        device.bits = 8;
+        device.counter_period = 256;
+        device.run(1000);
+        device.sequence += lost + 256;
+        EXPECT_FALSE(looks_good(device.next(2560, 10 * (lost + 1), lost))) << lost;
+        expect_seen(device, 2560);
+    }
+}
+
+}  // namespace
+}  // namespace tactiled
