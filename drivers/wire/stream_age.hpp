@@ -97,10 +97,14 @@ private:
         bool ended = false, went_back = false;
         bool counter_began = false, clock_began = false, may_have_begun = false;  // the device seems to have restarted
         bool leapt = false;
+        bool set_back = false, leapt_while_back = false;  // late_by_clock(); the latter: ahead, but still set back
     };
 
     void begin_clock(double silence_ns) noexcept;
     [[nodiscard]] ClockStep clock_step(const Frame& frame, std::uint64_t host_ns) const noexcept;
+    [[nodiscard]] double late_by_clock(const Frame& frame, std::uint64_t host_ns, ClockStep& step) noexcept;
+    [[nodiscard]] bool has_restarted(const ClockStep& step, double late) const noexcept;
+    [[nodiscard]] bool may_hide_lag(const ClockStep& step, bool restarted) noexcept;
     void by_clock(Frame& frame, std::uint64_t host_ns) noexcept;
     void by_sequence(Frame& frame, std::uint64_t host_ns) noexcept;
     void by_arrival(Frame& frame, std::uint64_t host_ns) noexcept;

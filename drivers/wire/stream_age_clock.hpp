@@ -58,61 +58,71 @@ inline void StreamAge::begin_clock(double silence_ns) noexcept {
     return step;
 }
 
-inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
-    if (!has_clock_) begin_clock(has_frame_ ? double(host_ns - host_ns_) : 0);
-    proof_ = Proof::clock;
-    const ClockStep step = clock_step(frame, host_ns);
+// Lateness by the clock, before the device is known to have restarted.
+inline double StreamAge::late_by_clock(const Frame& frame, std::uint64_t host_ns, ClockStep& step) noexcept {
     if (frame.device_time_us > device_time_us_ && !is_reopened_ && has_frame_)
         interval_us_ += (std::min(double(frame.device_time_us - device_time_us_), 2e6) - interval_us_) * 0.05;
     const bool is_next = frame.has_sequence && !is_reopened_ && frame.sequence == sequence_ + 1 + frame.lost;
     const bool is_old = back_ > 0 && !step.counter_began;
-    const bool begins = is_reopened_ || step.clock_began || step.ended;
-    device_time_us_ = begins ? frame.device_time_us : std::max(device_time_us_, frame.device_time_us);
     const unsigned set_back_before = bound_.set_back();
-    const bool was_unproved = is_unproved_;
     const bool had_gone_back = bound_.has_gone_back();
-    const double offset_before_ns = bound_.offset_ns();
-    double late = bound_.late_ns(host_ns, frame.device_time_us * 1000,
-                                 is_next  ? AgeBound::Origin::is_new
-                                 : is_old ? AgeBound::Origin::is_old
-                                          : AgeBound::Origin::unknown);
-    const bool set_back = bound_.set_back() != set_back_before;
-    if (set_back || bound_.has_wrapped()) device_time_us_ = frame.device_time_us;
+    const double offset_ns = bound_.offset_ns();
+    const double late = bound_.late_ns(host_ns, frame.device_time_us * 1000,
+                                       is_next  ? AgeBound::Origin::is_new
+                                       : is_old ? AgeBound::Origin::is_old
+                                                : AgeBound::Origin::unknown);
+    step.set_back = bound_.set_back() != set_back_before;
+    const bool old_frames_end = had_gone_back && !bound_.has_gone_back() && !step.set_back && bound_.fell_ns() <= kLate_ns;
+    step.leapt = step.leapt && !old_frames_end;
+    step.leapt_while_back = had_gone_back && !old_frames_end && offset_ns - bound_.offset_ns() > kLate_ns;
+    const bool begins = is_reopened_ || step.clock_began || step.ended || step.set_back || bound_.has_wrapped();
+    device_time_us_ = begins ? frame.device_time_us : std::max(device_time_us_, frame.device_time_us);
+    return late;
+}
 
+// The device has restarted, and its clock with it: the reference is another one.
+inline bool StreamAge::has_restarted(const ClockStep& step, double late) const noexcept {
     // After a new opening the clock may as well have passed the end of its 32 bits: then it fits the reference.
     const bool fits = is_reopened_ && late < kFits_ns;
     const bool began = step.counter_began || (step.clock_began && !fits && !bound_.has_wrapped());
-    const bool restarts =
-        began && (late > kLate_ns || (step.counter_began && step.went_back) || bound_.has_fallen() || set_back);
-    if (restarts) {  // a new reference; a lag that there was may still be there
+    return began && (late > kLate_ns || (step.counter_began && step.went_back) || bound_.has_fallen() || step.set_back);
+}
+
+// A lag may have begun that the clock does not show: with a start of the device, or several, or when the clock was set on.
+inline bool StreamAge::may_hide_lag(const ClockStep& step, bool restarted) noexcept {
+    if (restarted || step.may_have_begun) {
+        hidden_ns_ += std::max(step.silence_us - interval_us_, 0.0) * 1e3;
+        if (hidden_ns_ > kLate_ns && route_.reopening_discards) return true;
+    }
+    const double fell_ns = restarted ? 0 : bound_.fell_ns();
+    if (!is_reopened_) return step.leapt || (late_ns_ > kLate_ns && fell_ns > kLate_ns);
+    // A path that has discarded a lag makes the frames as late as they were before it, and not earlier; and no lag is longer
+    // than the time for which the age was not proved.
+    return !restarted && ((late_ns_ > kLate_ns && !is_unproved_ && bound_.has_fallen()) ||
+                          fell_ns > kLate_ns + double(host_ns_ - punctual_ns_) || step.leapt_while_back);
+}
+
+inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
+    if (!has_clock_) begin_clock(has_frame_ ? double(host_ns - host_ns_) : 0);
+    proof_ = Proof::clock;
+    ClockStep step = clock_step(frame, host_ns);
+    double late = late_by_clock(frame, host_ns, step);
+    const bool restarted = has_restarted(step, late);
+    const bool hides_lag = is_network() && may_hide_lag(step, restarted);
+    if (restarted) {  // a lag that there was may still be there
         is_unproved_ = is_unproved_ || (late_ns_ > kLate_ns && is_network());
         bound_.restart();
         late = 0;
         device_time_us_ = frame.device_time_us;
     }
-    // One may have begun in the silence before a start, or in several of them.
-    if (restarts || step.may_have_begun) hidden_ns_ += std::max(step.silence_us - interval_us_, 0.0) * 1e3;
-    const bool start_hides = (restarts || step.may_have_begun) && hidden_ns_ > kLate_ns && route_.reopening_discards;
-    // A path that has discarded a lag makes the frames as late as they were before it, and not earlier.
-    const bool fell = bound_.fell_ns() > kLate_ns;
-    const bool old_frames_end = had_gone_back && !bound_.has_gone_back() && !set_back && !fell;
-    // No lag is longer than the time for which the age was not proved.
-    const double longest_lag_ns = double(host_ns_ - punctual_ns_);
-    const bool was_set_on = (late_ns_ > kLate_ns && !was_unproved && bound_.has_fallen()) ||
-                            bound_.fell_ns() > kLate_ns + longest_lag_ns ||
-                            (had_gone_back && !old_frames_end && offset_before_ns - bound_.offset_ns() > kLate_ns);
-    const bool leapt_while_closed = is_reopened_ && was_set_on && !restarts && is_network();
-    const bool leapt =
-        (step.leapt && !old_frames_end) || (late_ns_ > kLate_ns && fell && !restarts && !is_reopened_ && is_network());
     const bool was_silent = bound_.silence_before_set_back_ns() > kLate_ns + interval_us_ * 1e3;
     const bool may_be_old = bound_.may_be_old() && route_.reopening_discards;
     const bool may_have_begun =
-        set_back && !step.counter_began && !step.clock_began && is_network() && (was_silent || may_be_old);
+        step.set_back && !step.counter_began && !step.clock_began && is_network() && (was_silent || may_be_old);
     const bool too_fast = bound_.is_too_fast() && is_network();
     is_no_clock_ = is_no_clock_ || bound_.is_no_clock() || (bound_.is_too_fast() && is_resonator_);
-    const bool is_doubtful = leapt || leapt_while_closed || start_hides;
-    is_unproved_ = is_unproved_ || is_doubtful || may_have_begun || too_fast || is_no_clock_;
-    if (has_discarded(late) && !is_doubtful && !is_no_clock_ && !has_waited(host_ns) && !bound_.has_gone_back()) {
+    is_unproved_ = is_unproved_ || hides_lag || may_have_begun || too_fast || is_no_clock_;
+    if (has_discarded(late) && !hides_lag && !is_no_clock_ && !has_waited(host_ns) && !bound_.has_gone_back()) {
         is_unproved_ = false;
         hidden_ns_ = 0;
         bound_.end_fall();
