@@ -124,7 +124,7 @@ private:
     struct Unit {
         bool is_doubted = false;
         std::array<std::uint16_t, 4> probes{};  // numbers of registers that no other request to this unit has
-        std::size_t n_probes = 0, probe = 0;    // those that it has not refused, and the one that is asked for
+        std::size_t n_probes = 0, probe = 0;    // not refused ones, and the last one
     };
     enum class Asked { probe, start, values };
 

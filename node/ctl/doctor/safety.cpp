@@ -225,12 +225,16 @@ void look_at_identity(const Node& node, Findings& found) {
 }
 
 std::string undetected_delays(const Driver& driver) {
-    const std::string by = driver.freshness();
+    std::string by = driver.freshness();
     const Route route = driver.route();
-    if (route.path != Route::Path::network || by.starts_with("cable")) return "";
+    if (by.starts_with("cable if"))  // the port is not there now: it may be no local one
+        by = by.substr(by.find("else ") + 5);
+    else if (route.path != Route::Path::network || by.starts_with("cable"))
+        return "";
     std::string not_seen =
         fmt::format("a delay at the first frame after the start, one that grows by less than {} ppm", route.clock_ppm);
     if (!route.reopening_discards && !by.starts_with("arrival")) not_seen += ", one that begins while the device restarts";
+    if (by.starts_with("clock")) not_seen += ", one that begins when the device's clock is set on by as much";
     if (by.starts_with("clock (")) return not_seen;
     if (by.starts_with("arrival")) return not_seen + ", any delay without a silence, old or swapped content";
     if (by.starts_with("clock")) not_seen += "; without the device's time also";

@@ -158,7 +158,7 @@ TEST(StreamAge, AFrameThatWasOvertakenBeforeASilenceIsNoClockThatWasSetBack) {
     EXPECT_NEAR(double(device.next(450, 4560).late_ns) * 1e-6, 449, 15);
 }
 
-// A device runs for about a minute each time. That is no period of its clock.
+// A device that runs for about a minute each time has no period.
 TEST(StreamAge, ADeviceThatRestartsAgainAndAgainHasNoPeriod) {
     Device device(connection(), true, false);
     for (int i = 0; i < 3; ++i) {
