@@ -204,11 +204,12 @@ private:
         t_ += step;
         reference_ += slope_ * step;
         // A silence gives no information on the drift.
-        if (step > kMaxWindow_ns) reference_ += uncertainty_ * (is_held_ ? limits_.held_share : 1.0) * step;
+        const double risen = step > kMaxWindow_ns ? uncertainty_ * (is_held_ ? limits_.held_share : 1.0) * step : 0;
+        reference_ += risen;
         excess_ns_ = std::min(excess_ns_ + limits_.excess * step, kFall_ns);
         explain(uncertainty_ * step);
         if (has_wrapped_) lowered_ns_ = -kWrapError_ns;  // the period is known so well
-        if (x_ < reference_) lower(step);
+        if (x_ < reference_) lower(step, risen);
         if (const double above = x_ - reference_; above < window_min_) {
             window_min_ = above;
             window_point_ = {t_, x_};
@@ -221,18 +222,19 @@ private:
         if (lowered_ns_ > 0) lowered_ns_ = std::max(lowered_ns_ - fall_ns, 0.0);
     }
 
-    void lower(double step) noexcept {
+    // `risen`: by which the reference was raised for a silence.
+    void lower(double step, double risen) noexcept {
         const double fall = reference_ - x_, counted = std::min(fall, excess_ns_);
-        fell_ns_ = fall;
+        fell_ns_ = std::max(fall - risen, 0.0);
         excess_ns_ -= counted;
         lowered_ns_ += counted;
         is_too_fast_ = is_too_fast_ || lowered_ns_ > kTooFast_ns;
         const double falling_ns = std::max(falling_ns_ - (t_ - fell_at_), 0.0) + fall - 2 * uncertainty_ * step;
         falling_ns_ = std::clamp(falling_ns, 0.0, kMaxFalling_ns);
         fell_at_ = t_;
-        if (fall > kFall_ns || is_falling()) {  // a lag since the start has ended, or the clock was set forward
+        if (fell_ns_ > kFall_ns || is_falling()) {  // a lag since the start has ended, or the clock was set forward
             has_fallen_ = true;
-            if (fall > kJump_ns + limits_.excess * step) {
+            if (fell_ns_ > kJump_ns + limits_.excess * step) {
                 lowered_ns_ = 0;
                 if (t_ - last_jump_ > kOneJump_ns) {  // a backlog that came at once is one
                     jumps_ = std::max(jumps_ - (t_ - last_jump_) * kJumpsForgotten, 0.0) + 1;

@@ -93,6 +93,17 @@ TEST(StreamAge, AClockThatBecomesValidInALagProvesNothing) {
     }
 }
 
+// The reference rises by what the drift may be. A clock that did not drift has not been set on.
+TEST(StreamAge, AnHourOfSleepIsNoLeapOfTheClock) {
+    for (const bool reopened : {true, false}) {
+        Device device(network());
+        device.run(1000);
+        if (reopened) device.open(network());
+        EXPECT_TRUE(looks_good(device.next(1, 3'600'000))) << reopened;
+        EXPECT_TRUE(looks_good(device.next())) << reopened;
+    }
+}
+
 // It looks as if the clock had passed the end of its 30 or 32 bits in a pause.
 TEST(StreamAge, ALagAndARestartNearTheEndOfTheClockAreSeen) {
     for (const bool counter : {true, false})
