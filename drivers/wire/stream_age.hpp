@@ -104,7 +104,7 @@ private:
     [[nodiscard]] ClockStep clock_step(const Frame& frame, std::uint64_t host_ns) const noexcept;
     [[nodiscard]] double late_by_clock(const Frame& frame, std::uint64_t host_ns, ClockStep& step) noexcept;
     [[nodiscard]] bool has_restarted(const ClockStep& step, double late) const noexcept;
-    [[nodiscard]] bool may_hide_lag(const ClockStep& step, bool restarted) noexcept;
+    [[nodiscard]] bool may_hide_lag(const ClockStep& step, double late, bool restarted) noexcept;
     void by_clock(Frame& frame, std::uint64_t host_ns) noexcept;
     void by_sequence(Frame& frame, std::uint64_t host_ns) noexcept;
     void by_arrival(Frame& frame, std::uint64_t host_ns) noexcept;

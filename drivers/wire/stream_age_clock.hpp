@@ -89,8 +89,10 @@ inline bool StreamAge::has_restarted(const ClockStep& step, double late) const n
 }
 
 // A lag may have begun that the clock does not show: with a start of the device, or several, or when the clock was set on.
-inline bool StreamAge::may_hide_lag(const ClockStep& step, bool restarted) noexcept {
-    if (restarted || step.may_have_begun) {
+inline bool StreamAge::may_hide_lag(const ClockStep& step, double late, bool restarted) noexcept {
+    // A clock that fits the reference has passed its end in a pause.
+    const bool fits = late <= kLate_ns && bound_.fell_ns() <= kLate_ns;
+    if (restarted || (step.may_have_begun && !fits)) {
         hidden_ns_ += std::max(step.silence_us - interval_us_, 0.0) * 1e3;
         if (hidden_ns_ > kLate_ns && route_.reopening_discards) return true;
     }
@@ -108,7 +110,7 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     ClockStep step = clock_step(frame, host_ns);
     double late = late_by_clock(frame, host_ns, step);
     const bool restarted = has_restarted(step, late);
-    const bool hides_lag = is_network() && may_hide_lag(step, restarted);
+    const bool hides_lag = is_network() && may_hide_lag(step, late, restarted);
     if (restarted) {  // a lag that there was may still be there
         is_unproved_ = is_unproved_ || (late_ns_ > kLate_ns && is_network());
         bound_.restart();
