@@ -99,8 +99,7 @@ const Fields<NodeSettings>& node_fields() {
          "Path of the socket for commands, at most 107 bytes. In another run-time folder than /run/tactiled the default is "
          "NAME.sock there."},
         {TACTILED_KEY(S, zeros),
-         Default("",
-                 "NAME.zeros.toml in $STATE_DIRECTORY, else in /var/lib/tactiled or ~/.local/state/tactiled, the newer one"),
+         Default("", "NAME.zeros.toml in $STATE_DIRECTORY, else in /var/lib/tactiled, else in ~/.local/state/tactiled"),
          Text::full_path, Reload::restart,
          "File in which the zeros of tares are kept over a restart. Tares are refused while it cannot be written."},
         {TACTILED_KEY(S, fault_clear_s), 0, range(0, 86'400), "s", Reload::restart,

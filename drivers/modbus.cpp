@@ -7,9 +7,9 @@
 //
 // Late answers. Over TCP a transaction number identifies them. An RTU answer has only unit, function and length. A
 // request without a good answer therefore makes its unit doubtful, and a doubtful unit is first asked for a number of
-// registers that no other request to it uses, and that is another one each time: a probe. A slave answers in order, so
-// after an answer of that length no older answer can arrive, unless it is older than the last probe of the same length.
-// Lengths that the slave refuses are left out; one that refuses them all is believed.
+// registers that no other request to it uses: a probe. Four numbers take turns. A slave answers in order, so after an answer
+// of that length no older answer can arrive, unless it is older than the last probe of the same length. A length that the
+// slave refuses is asked for no more; the refusal of the last one is taken for an answer.
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
@@ -49,7 +49,6 @@ public:
         for (auto& table : options.tables("slave", 16)) add(read_modbus_device(table, wire_), table);
         if (!options.has("slave"))
             options.problem("slave", "there is no [[link.slave]]; add at least one with its registers");
-        choose_probes();
         check_load(options);
     }
     ~Modbus() override { close(); }
@@ -60,6 +59,7 @@ public:
         fd_ = wire_ == ModbusWire::tcp ? open_tcp(address_, where_, kConnectMs, why) : open_tty(where_, tty_, why);
         if (fd_ < 0) return why;
         answers_.reset();
+        choose_probes();
         asking_ = nullptr;
         quiet_until_ns_ = 0;
         for (auto& device : devices_) {
@@ -162,9 +162,10 @@ private:
         devices_.push_back({.is = std::move(device), .period_ns = period_ns, .sequence = {}});
     }
 
-    // The shortest ones: it may refuse longer ones than its own.
+    // The shortest lengths: a unit may refuse longer ones than that of its values.
     void choose_probes() {
         for (std::size_t unit = 0; unit < units_.size(); ++unit) {
+            units_[unit].n_probes = 0;
             units_[unit].probe = units_[unit].probes.size() - 1;  // the first one is next
             for (std::uint16_t registers = 1; units_[unit].n_probes < units_[unit].probes.size(); ++registers)
                 if (std::none_of(devices_.begin(), devices_.end(), [&](const Device& device) {
@@ -272,7 +273,9 @@ private:
         }
         asking_ = nullptr;
         quiet_until_ns_ = last_byte_ns_ + silence_ns_;
-        if (Unit& unit = units_[device.is.unit]; found == Found::refused && unit.n_probes > 1)
+        const bool no_such_length = found == Found::refused && (answers_.exception() == modbus::kIllegalAddress ||
+                                                                answers_.exception() == modbus::kIllegalValue);
+        if (Unit& unit = units_[device.is.unit]; no_such_length && unit.n_probes > 1)
             unit.probes[unit.probe] = unit.probes[--unit.n_probes];
         else if (asked_ == Asked::probe)
             unit.is_doubted = false;

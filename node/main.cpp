@@ -69,7 +69,7 @@ int run(Node& node, const sigset_t& signals) {
     const std::string folder = runtime_folder();
     set_runtime_folder(folder);  // the Modbus server and others read the segment by name
     node.plan.control = control_in(folder, node.plan.name, node.plan.control);
-    ZeroStore zeros(zeros_path(node.config.node.zeros, node.plan.name), node.zeros);
+    ZeroStore zeros(zero_files(node.config.node.zeros, node.plan.name), node.zeros);
     zeros.restore(node.sensors);
     Reloader reloader(node, method_costs_folder(), &zeros);
     SegmentWriter segment(node.plan);

@@ -40,43 +40,43 @@ std::string now_text() {
 
 }  // namespace
 
-std::string zeros_path(const std::string& configured, const std::string& node_name) {
-    if (!configured.empty()) return configured;
+ZeroFiles zero_files(const std::string& configured, const std::string& node_name) {
+    if (!configured.empty()) return {configured, configured};
     if (const std::string state = variable("STATE_DIRECTORY"); !state.empty())
-        return zeros_path_in({state.substr(0, state.find(':'))}, node_name);
+        return zero_files_in({state.substr(0, state.find(':'))}, node_name);
     std::vector<std::string> folders{kInstalled};
     if (const std::string own = variable("XDG_STATE_HOME"); !own.empty())
         folders.push_back(own + "/tactiled");
     else if (const std::string home = variable("HOME"); !home.empty())
         folders.push_back(home + "/.local/state/tactiled");
-    return zeros_path_in(folders, node_name);
+    return zero_files_in(folders, node_name);
 }
 
-std::string zeros_path_in(const std::vector<std::string>& folders, const std::string& node_name) {
-    std::string newest;
-    std::filesystem::file_time_type newest_time;
+ZeroFiles zero_files_in(const std::vector<std::string>& folders, const std::string& node_name) {
+    ZeroFiles files;
+    std::filesystem::file_time_type last;
     for (const std::string& folder : folders) {
         const std::string path = fmt::format("{}/{}.zeros.toml", folder, node_name);
+        const bool is_last = &folder == &folders.back();
+        if (files.written.empty() && (is_last || ::access(folder.c_str(), W_OK) == 0)) files.written = path;
         std::error_code error;
         const auto time = std::filesystem::last_write_time(path, error);
-        if (error || (!newest.empty() && time <= newest_time)) continue;
-        newest = path;
-        newest_time = time;
+        if (error || (!files.read.empty() && time <= last)) continue;
+        files.read = path;
+        last = time;
     }
-    if (!newest.empty()) return newest;
-    for (const std::string& folder : folders)
-        if (&folder == &folders.back() || ::access(folder.c_str(), W_OK) == 0)
-            return fmt::format("{}/{}.zeros.toml", folder, node_name);
-    return "";
+    if (files.read.empty()) files.read = files.written;
+    return files;
 }
 
 // ---- start and reload --------------------------------------------------------------------------------------------------
 
-ZeroStore::ZeroStore(std::string path, std::vector<ZeroOwner> owners) : path_(std::move(path)), owners_(std::move(owners)) {
+ZeroStore::ZeroStore(ZeroFiles files, std::vector<ZeroOwner> owners)
+    : path_(std::move(files.written)), owners_(std::move(owners)) {
     for (std::size_t i = 0; i < owners_.size(); ++i) sensor_of_owner_.push_back(i);
     std::error_code ignored;
     if (!path_.empty()) std::filesystem::create_directories(std::filesystem::path(path_).parent_path(), ignored);
-    load();
+    load(files.read);
     write();
     thread_.start("zeros", 0, -1, [this] { serve(); });
 }
@@ -87,19 +87,19 @@ ZeroStore::~ZeroStore() {
 }
 
 // A file that cannot be read may contain any tare, so every sensor may have lost one.
-void ZeroStore::load() {
+void ZeroStore::load(const std::string& path) {
     std::error_code ignored;  // a link to nothing is there, and cannot be read
-    if (path_.empty() || std::filesystem::symlink_status(path_, ignored).type() == std::filesystem::file_type::not_found)
+    if (path.empty() || std::filesystem::symlink_status(path, ignored).type() == std::filesystem::file_type::not_found)
         return;
     Problems problems;
-    if (const auto bytes = read_text_file(path_, kMaxBytes, problems)) {
+    if (const auto bytes = read_text_file(path, kMaxBytes, problems)) {
         const Seal seal = find_seal(*bytes);
         const std::string_view lines = std::string_view(*bytes).substr(0, seal.start);
-        Options file = Options::parse_text(lines, path_, problems);
+        Options file = Options::parse_text(lines, path, problems);
         if (problems.empty() && file.integer("format", {1, 1e9}) != kFormat)
             file.problem("format", fmt::format("this tactiled reads format = {}", kFormat));
         if (problems.empty() && seal.crc != crc_of_lines(lines))
-            problems.add(path_, 0, "the file is damaged: its last line should be the checksum crc of the lines above");
+            problems.add(path, 0, "the file is damaged: its last line should be the checksum crc of the lines above");
         for (auto& table : file.tables("sensor", kMaxKept)) {
             Kept kept;
             kept.sensor = table.text("name");

@@ -26,18 +26,23 @@ struct ZeroOwner {
     bool restore = true;               // tare_after_restart = "restore"
 };
 
-// Returns the file of node `node_name` if none is configured: in $STATE_DIRECTORY (of systemd), else zeros_path_in() of
-// /var/lib/tactiled and $XDG_STATE_HOME/tactiled or ~/.local/state/tactiled; "" = nowhere.
-std::string zeros_path(const std::string& configured, const std::string& node_name);
-// Returns the file that was written last, so that a folder that cannot be written any more does not hide a tare; if there is
-// no file, that in the first folder that can be written, or in the last one.
-std::string zeros_path_in(const std::vector<std::string>& folders, const std::string& node_name);
+// The file in which zeros are kept, and the one from which they are read at the start; "" = nowhere.
+struct ZeroFiles {
+    std::string written, read;
+};
+
+// Returns the file of node `node_name`: the configured one, or else that in $STATE_DIRECTORY (of systemd), or else
+// zero_files_in() of /var/lib/tactiled and $XDG_STATE_HOME/tactiled or ~/.local/state/tactiled.
+ZeroFiles zero_files(const std::string& configured, const std::string& node_name);
+// Zeros are kept in the first folder that can be written, or in the last one. They are read from the file that was written
+// last, so that no tare is forgotten because its folder cannot be written any more.
+ZeroFiles zero_files_in(const std::vector<std::string>& folders, const std::string& node_name);
 
 class ZeroStore {
 public:
-    // Reads the file, and writes it again to check that it can be written. `owners` are in the order of the sensors.
+    // Reads one file, and writes the other one to check that it can be written. `owners` are in the order of the sensors.
     // Errors are reported in the log. setup: throws SetupError where no thread can be made
-    ZeroStore(std::string path, std::vector<ZeroOwner> owners);
+    ZeroStore(ZeroFiles files, std::vector<ZeroOwner> owners);
     ~ZeroStore();
     ZeroStore(const ZeroStore&) = delete;
     ZeroStore& operator=(const ZeroStore&) = delete;
@@ -73,7 +78,7 @@ private:
         std::map<std::string, Wrench> of_method;  // the known zeros
     };
     void add(std::uint32_t sensor, const Sensor& of, const TaredZero& zero) noexcept;
-    void load();
+    void load(const std::string& path);
     void serve() noexcept;
     void take(const Order& order);
     void write() noexcept;

@@ -225,7 +225,7 @@ private:
     // `risen`: by which the reference was raised for a silence.
     void lower(double step, double risen) noexcept {
         const double fall = reference_ - x_, counted = std::min(fall, excess_ns_);
-        fell_ns_ = std::max(fall - risen, 0.0);
+        fell_ns_ = std::max(fall - risen - uncertainty_ * step, 0.0);
         excess_ns_ -= counted;
         lowered_ns_ += counted;
         is_too_fast_ = is_too_fast_ || lowered_ns_ > kTooFast_ns;

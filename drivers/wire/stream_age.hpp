@@ -199,7 +199,9 @@ inline void StreamAge::open(const Route& route, std::uint64_t opened_ns) noexcep
     route_ = route;
     if (first || other) {
         bound_ = AgeBound();
-        has_clock_ = is_unproved_ = must_reopen_ = has_frame_ = false;
+        has_clock_ = is_unproved_ = must_reopen_ = has_frame_ = began_at_opening_ = false;
+        period_ns_ = hidden_ns_ = late_ns_ = interval_us_ = run_ = behind_ = 0;
+        device_time_us_ = 0;
     }
     is_reopened_ = has_frame_;
     trouble_ns_ = 0;

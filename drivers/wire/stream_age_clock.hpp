@@ -13,7 +13,8 @@ inline void StreamAge::begin_clock(double silence_ns) noexcept {
     has_clock_ = true;
     is_resonator_ = cable;
     // A lag that its counter showed may be there still, and one may begin now.
-    is_unproved_ = is_network() && has_frame_ && (is_unproved_ || silence_ns > kLate_ns + interval_ns());
+    const bool was_silent = interval_ns() > 0 && silence_ns > kLate_ns + interval_ns();
+    is_unproved_ = is_network() && has_frame_ && (is_unproved_ || was_silent);
 }
 
 // Compares the clock and the counter of a frame with those of the frame before. Inlined: 20 of 430 instructions fewer
@@ -28,7 +29,7 @@ inline void StreamAge::begin_clock(double silence_ns) noexcept {
     const auto ahead_us = double(frame.device_time_us - device_time_us_);  // if it has not gone back
     step.went_back = frame.device_time_us < device_time_us_ ||
                      (frame.device_time_us >> 32 != device_time_us_ >> 32 && ahead_us > step.silence_us + 1e6);
-    const bool is_silent = step.silence_us > kLate_ns * 1e-3 + interval_us_;
+    const bool is_silent = interval_us_ > 0 && step.silence_us > kLate_ns * 1e-3 + interval_us_;
     const bool is_small = has_frame_ && step.booted_us < kBegun_us + step.silence_us;
     // The clock of a device that restarted is small, too: else a short counter shows an old frame, or that a path has
     // discarded more frames than the counter's range.
@@ -40,10 +41,7 @@ inline void StreamAge::begin_clock(double silence_ns) noexcept {
     const bool is_other = is_small && !counts_on && booted_us < (device_time_us_ & 0xFFFFFFFF);
     step.clock_began =
         is_other && !step.ended && step.went_back && booted_us < device_time_us_ / 2 && step.silence_us > kLate_ns * 1e-3;
-    // A number that has been, and a new time: of another device.
-    const bool is_long = std::ldexp(interval_us_, frame.sequence_bits) > kShortCounter_ns * 1e-3;
-    const bool is_contradictory = back_ > 0 && is_long && !step.counter_began && frame.device_time_us > device_time_us_;
-    // It may as well have passed its end in a pause.
+    // The device has restarted, or its clock has passed its end in a pause.
     step.may_have_begun = is_other && is_silent;
     // Either the clock was set on, or the device had paused while the path held its frames; or it is another device. A
     // cable holds none.
@@ -52,16 +50,19 @@ inline void StreamAge::begin_clock(double silence_ns) noexcept {
     const double lost = counter_leapt ? 0 : frame.lost;
     const double explained_us =
         late_ns_ > kLate_ns ? interval_us_ * (frame.has_sequence ? kCountedLeap + 1.25 * lost : kLeap) : 0;
-    const bool is_leap =
-        frame.device_time_us > device_time_us_ && ahead_us > std::max(step.silence_us + kLate_ns * 1e-3, explained_us);
-    step.leapt = is_network() && has_frame_ && !is_reopened_ && ((may_lag && is_leap) || is_contradictory);
+    const double drift = is_resonator_ ? kResonator_ppm : route_.clock_ppm;
+    const double most_us = step.silence_us * (1 + drift * 1e-6) + kLate_ns * 1e-3;
+    const bool is_leap = frame.device_time_us > device_time_us_ && ahead_us > std::max(most_us, explained_us);
+    step.leapt = is_network() && has_frame_ && !is_reopened_ && may_lag && is_leap;
     return step;
 }
 
 // Lateness by the clock, before the device is known to have restarted.
 inline double StreamAge::late_by_clock(const Frame& frame, std::uint64_t host_ns, ClockStep& step) noexcept {
-    if (frame.device_time_us > device_time_us_ && !is_reopened_ && has_frame_)
-        interval_us_ += (std::min(double(frame.device_time_us - device_time_us_), 2e6) - interval_us_) * 0.05;
+    if (frame.device_time_us > device_time_us_ && !is_reopened_ && has_frame_ && device_time_us_ != 0) {
+        const double interval_us = std::min(double(frame.device_time_us - device_time_us_), 2e6);
+        interval_us_ = interval_us_ > 0 ? interval_us_ + (interval_us - interval_us_) * 0.05 : interval_us;
+    }
     const bool is_next = frame.has_sequence && !is_reopened_ && frame.sequence == sequence_ + 1 + frame.lost;
     const bool is_old = back_ > 0 && !step.counter_began;
     const unsigned set_back_before = bound_.set_back();
@@ -100,8 +101,8 @@ inline bool StreamAge::may_hide_lag(const ClockStep& step, double late, bool res
     if (!is_reopened_) return step.leapt || (late_ns_ > kLate_ns && fell_ns > kLate_ns);
     // A path that has discarded a lag makes the frames as late as they were before it, and not earlier; and no lag is longer
     // than the time for which the age was not proved.
-    return !restarted && ((late_ns_ > kLate_ns && !is_unproved_ && bound_.has_fallen()) ||
-                          fell_ns > kLate_ns + double(host_ns_ - punctual_ns_) || step.leapt_while_back);
+    const bool fell = route_.reopening_discards && fell_ns > kLate_ns + double(host_ns_ - punctual_ns_);
+    return !restarted && ((late_ns_ > kLate_ns && !is_unproved_ && bound_.has_fallen()) || fell || step.leapt_while_back);
 }
 
 inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {

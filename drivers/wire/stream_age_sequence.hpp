@@ -198,9 +198,11 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         must_reopen_ = true;
     // The device has restarted, or counts each connection from 0; or the counter is further than the time since the last
     // frame that was proved. The next opening shows it.
-    const bool begins = is_reopened_ && advance == 0;
     const bool leapt = is_reopened_ && advance * interval_ns() > 1.25 * double(host_ns - punctual_ns_) + kLate_ns;
-    const bool may_be_kept = route_.reopening_discards && (leapt || (begins && !began_at_opening_));
+    const bool is_of_connection =
+        opened_ns_ != 0 && frame.sequence * interval_ns() < double(host_ns - opened_ns_) + kLate_ns;
+    const bool begins = is_reopened_ && (advance == 0 || (leapt && is_of_connection));
+    const bool may_be_kept = route_.reopening_discards && (begins ? !began_at_opening_ : leapt);
     must_reopen_ = must_reopen_ || may_be_kept;
     if (is_reopened_) began_at_opening_ = begins;
     bool late_is_known = period_ns_ > 0;

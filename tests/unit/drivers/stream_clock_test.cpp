@@ -167,7 +167,7 @@ TEST(StreamAge, ADeviceThatRestartsAgainAndAgainHasNoPeriod) {
         // The path has held the first frames, and the device's start took some of the silence.
         for (double held_ms = 1500; held_ms > 0; held_ms -= 10) {
             const Frame frame = device.next(held_ms);
-            if (i > 0) EXPECT_NE(frame.age, Age::proved) << i << ", " << held_ms;
+            if (i > 0) { EXPECT_NE(frame.age, Age::proved) << i << ", " << held_ms; }
         }
         device.run(100);
         device.open(connection());

@@ -93,15 +93,29 @@ TEST(StreamAge, AClockThatBecomesValidInALagProvesNothing) {
     }
 }
 
-// The reference rises by what the drift may be. A clock that did not drift has not been set on.
+// The reference rises by what the drift may be, and the clock may drift.
 TEST(StreamAge, AnHourOfSleepIsNoLeapOfTheClock) {
-    for (const bool reopened : {true, false}) {
-        Device device(network());
-        device.run(1000);
-        if (reopened) device.open(network());
-        EXPECT_TRUE(looks_good(device.next(1, 3'600'000))) << reopened;
-        EXPECT_TRUE(looks_good(device.next())) << reopened;
-    }
+    for (const bool reopened : {true, false})
+        for (const int ahead_ms : {-360, 0, 360}) {  // 100 ppm
+            SCOPED_TRACE(testing::Message() << reopened << ' ' << ahead_ms);
+            Device device(network());
+            device.run(30'000);
+            if (reopened) device.open(network());
+            device.clock_zero_ns -= std::uint64_t(ahead_ms * std::int64_t(kMs));
+            (void)device.next(1, 3'600'000);
+            device.run(100);
+            EXPECT_TRUE(looks_good(device.next()));
+        }
+}
+
+TEST(StreamAge, ASlowDeviceWhoseFirstFrameWasHeldIsProved) {
+    for (const bool counter : {true, false})
+        for (const double period_ms : {100, 200, 500, 1000}) {
+            Device device(network(), true, counter, 0);
+            (void)device.next(0.6 * period_ms, period_ms);
+            (void)device.next(1, period_ms);
+            for (int i = 0; i < 100; ++i) EXPECT_TRUE(looks_good(device.next(1, period_ms))) << period_ms << ' ' << i;
+        }
 }
 
 // It looks as if the clock had passed the end of its 30 or 32 bits in a pause.

@@ -100,7 +100,7 @@ TEST_F(PipelineTest, ARefusedTareSaysWhyAndWarnsUntilTheNextOne) {
 TEST_F(PipelineTest, ATareIsDoneWhenItsZeroIsInTheFileAndRefusedWhereItCannotBe) {
     const std::string path = "/tmp/pipeline-test-" + std::to_string(::getpid()) + ".zeros.toml";
     ::unlink(path.c_str());
-    ZeroStore store(path, {{"a", "", 0, {"constant"}, true}, {"b", "", 0, {"constant"}, true}});
+    ZeroStore store({path, path}, {{"a", "", 0, {"constant"}, true}, {"b", "", 0, {"constant"}, true}});
     pipeline_->commands.keep_zeros_in(store);
     const auto begin = [&](Command::Kind kind, std::uint32_t number) {
         auto& ring = pipeline_->commands[TACTILED_FROM_SOCKET];
@@ -133,7 +133,7 @@ TEST_F(PipelineTest, ATareIsDoneWhenItsZeroIsInTheFileAndRefusedWhereItCannotBe)
     EXPECT_GT(bytes(), before);
     EXPECT_EQ(look().node.fault & TACTILED_FAULT_STORAGE, 0u);
 
-    ZeroStore nowhere("", {});
+    ZeroStore nowhere({}, {});
     pipeline_->commands.keep_zeros_in(nowhere);
     for (const auto kind : {Command::Kind::tare, Command::Kind::untare}) {
         said = begin(kind, 2 + std::uint32_t(kind));

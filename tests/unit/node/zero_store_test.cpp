@@ -55,14 +55,14 @@ protected:
     }
     // Runs once, tares at -20 N and ends.
     void run_and_tare() {
-        ZeroStore store(path_, {owner()});
+        ZeroStore store({path_, path_}, {owner()});
         auto before = sensors();
         tare(before[0], -20);
         EXPECT_TRUE(keep(store, before[0]));
     }
     // Returns the first sample of the next run, at -20 N.
     tactiled_sample after(const ZeroOwner& now) {
-        ZeroStore store(path_, {now});
+        ZeroStore store({path_, path_}, {now});
         auto next = sensors();
         store.restore(next);
         return send(next[0], -20);
@@ -100,7 +100,7 @@ TEST_F(ZeroStoreTest, WithForgetATaredSensorHasNoKnownZeroUntilItIsTaredAgainOrU
     expect_lost(after(forgets));
     expect_lost(after(forgets));  // also after each further start
     for (const bool untares : {false, true}) {
-        ZeroStore store(path_, {forgets});
+        ZeroStore store({path_, path_}, {forgets});
         auto next = sensors();
         store.restore(next);
         (void)send(next[0], -20);
@@ -136,7 +136,7 @@ TEST_F(ZeroStoreTest, OfMethodAutoEachMethodHasItsOwn) {
     ZeroOwner two = owner();
     two.methods = {"exact", "fast"};
     {
-        ZeroStore store(path_, {two});
+        ZeroStore store({path_, path_}, {two});
         auto before = sensors();
         TaredZero zero{3, 2, {}};  // "fast" has no zero
         zero.of_method[0] = {0, 0, -20, 0, 0, 0};
@@ -144,7 +144,7 @@ TEST_F(ZeroStoreTest, OfMethodAutoEachMethodHasItsOwn) {
         EXPECT_TRUE(keep(store, before[0]));
     }
     two.methods = {"fast", "exact"};
-    ZeroStore store(path_, {two});
+    ZeroStore store({path_, path_}, {two});
     auto next = sensors();
     store.restore(next);
     const TaredZero zero = next[0].tared_zero();
@@ -156,7 +156,7 @@ TEST_F(ZeroStoreTest, OfMethodAutoEachMethodHasItsOwn) {
 TEST_F(ZeroStoreTest, AnUntareIsKeptToo) {
     run_and_tare();
     {
-        ZeroStore store(path_, {owner()});
+        ZeroStore store({path_, path_}, {owner()});
         auto next = sensors();
         store.restore(next);
         next[0].begin_untare();
@@ -209,7 +209,7 @@ TEST_F(ZeroStoreTest, ALinkToNothingMayHaveLedToAnyTare) {
 TEST_F(ZeroStoreTest, AZeroThatWasAboutToChangeIsNotKnownAfterARestart) {
     run_and_tare();
     {
-        ZeroStore store(path_, {owner()});
+        ZeroStore store({path_, path_}, {owner()});
         auto next = sensors();
         store.restore(next);
         store.add_change(0, next[0]);
@@ -221,7 +221,7 @@ TEST_F(ZeroStoreTest, AZeroThatWasAboutToChangeIsNotKnownAfterARestart) {
 
 TEST_F(ZeroStoreTest, AFileThatCannotBeReadOrWrittenLeavesTheStoreUnusable) {
     std::filesystem::create_directories(path_);  // a folder in its place
-    ZeroStore store(path_, {owner()});
+    ZeroStore store({path_, path_}, {owner()});
     EXPECT_FALSE(store.is_usable());
     auto next = sensors();
     store.restore(next);
@@ -232,13 +232,13 @@ TEST_F(ZeroStoreTest, AFileThatCannotBeReadOrWrittenLeavesTheStoreUnusable) {
     std::filesystem::remove_all(path_);
     for (int i = 0; i < 400 && !store.is_usable(); ++i) ::usleep(10'000);
     EXPECT_TRUE(store.is_usable()) << "it is tried again each second";
-    EXPECT_FALSE(ZeroStore("", {owner()}).is_usable());
+    EXPECT_FALSE(ZeroStore({}, {owner()}).is_usable());
 }
 
 TEST_F(ZeroStoreTest, ASensorThatAReloadExchangedStaysTaredInTheFile) {
     run_and_tare();
     {
-        ZeroStore store(path_, {owner()});
+        ZeroStore store({path_, path_}, {owner()});
         auto next = sensors();
         store.restore(next);
         next[0].lose_zero();
@@ -257,35 +257,39 @@ TEST(ZerosPath, IsConfiguredOrOfSystemdOrTheUsersOwn) {
     ::setenv("STATE_DIRECTORY", "/state:/other", 1);
     ::setenv("XDG_STATE_HOME", "/xdg", 1);
     ::setenv("HOME", "/home/me", 1);
-    EXPECT_EQ(zeros_path("/a/b.toml", "n"), "/a/b.toml");
-    EXPECT_EQ(zeros_path("", "n"), "/state/n.zeros.toml");
+    EXPECT_EQ(zero_files("/a/b.toml", "n").written, "/a/b.toml");
+    EXPECT_EQ(zero_files("", "n").written, "/state/n.zeros.toml");
     ::unsetenv("STATE_DIRECTORY");
     if (::access("/var/lib/tactiled", W_OK) != 0) {
-        EXPECT_EQ(zeros_path("", "n"), "/xdg/tactiled/n.zeros.toml");
+        EXPECT_EQ(zero_files("", "n").written, "/xdg/tactiled/n.zeros.toml");
         ::unsetenv("XDG_STATE_HOME");
-        EXPECT_EQ(zeros_path("", "n"), "/home/me/.local/state/tactiled/n.zeros.toml");
+        EXPECT_EQ(zero_files("", "n").written, "/home/me/.local/state/tactiled/n.zeros.toml");
         ::unsetenv("HOME");
-        EXPECT_EQ(zeros_path("", "n"), "/var/lib/tactiled/n.zeros.toml");  // the log says that it cannot be written
+        EXPECT_EQ(zero_files("", "n").written, "/var/lib/tactiled/n.zeros.toml");  // the log says that it cannot be written
     }
     for (int i = 0; i < 3; ++i)
         if (!before[i].empty()) ::setenv(kept[i], before[i].c_str(), 1);
 }
 
 // A tare must not be forgotten because its folder cannot be written any more, or because another user starts the daemon.
-TEST_F(ZeroStoreTest, TheFileThatWasWrittenLastIsUsedWhereverItIs) {
+TEST_F(ZeroStoreTest, TheFileThatWasWrittenLastIsReadWhereverItIs) {
     const std::string first = folder_ + "/first", last = folder_ + "/last", none = folder_ + "/none";
     const std::string in_first = first + "/n.zeros.toml", in_last = last + "/n.zeros.toml";
     for (const auto& folder : {first, last}) std::filesystem::create_directories(folder);
-    EXPECT_EQ(zeros_path_in({none, first, last}, "n"), in_first);
-    EXPECT_EQ(zeros_path_in({none, last}, "n"), in_last);
+    const auto files = [](std::vector<std::string> folders) {
+        const ZeroFiles found = zero_files_in(folders, "n");
+        return std::pair(found.written, found.read);
+    };
+    EXPECT_EQ(files({none, first, last}), std::pair(in_first, in_first));
+    EXPECT_EQ(files({none, last}), std::pair(in_last, in_last));
     std::ofstream(in_last) << "a";
-    EXPECT_EQ(zeros_path_in({first, last}, "n"), in_last);
+    EXPECT_EQ(files({first, last}), std::pair(in_first, in_last));
     std::ofstream(in_first) << "a";
     const auto now = std::filesystem::last_write_time(in_last);
     std::filesystem::last_write_time(in_first, now + std::chrono::seconds(1));
-    EXPECT_EQ(zeros_path_in({first, last}, "n"), in_first);
+    EXPECT_EQ(files({first, last}), std::pair(in_first, in_first));
     std::filesystem::last_write_time(in_first, now - std::chrono::seconds(1));
-    EXPECT_EQ(zeros_path_in({first, last}, "n"), in_last);
+    EXPECT_EQ(files({first, last}), std::pair(in_first, in_last));
 }
 
 }  // namespace
