@@ -144,9 +144,9 @@ void no_undetected_old_value(const std::vector<Kind>& kinds, double hours, bool 
                 simulated_s += run.now_s() - begin_s;
                 sum.wrong_s += run.tally.wrong_s;
                 if (run.tally.wrong_s > 0 && is_attack && kind.seen != kByNone)
-                    fmt::print("  {} {}: {} s, {} Hz, declared {}, jitter {} grid {}, {} bits, clock {} bits of {} us, {}\n", kind.name,
-                               each.name, run.tally.wrong_s, stream.rate_Hz, stream.declared, stream.jitter_ms, stream.grid_ms,
-                               stream.counter_bits, stream.clock_bits, stream.clock_step_us,
+                    fmt::print("  {} {}: {} s, {} Hz, declared {}, jitter {} grid {}, {} bits, clock {} bits of {} us, {}\n",
+                               kind.name, each.name, run.tally.wrong_s, stream.rate_Hz, stream.declared, stream.jitter_ms,
+                               stream.grid_ms, stream.counter_bits, stream.clock_bits, stream.clock_step_us,
                                stream.format == Stream::Format::lines ? "lines" : "cobs");
                 sum.wrong_before_s += run.tally.wrong_before_s;
                 sum.alarms += run.tally.alarms;
