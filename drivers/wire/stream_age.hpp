@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <utility>
 
 #include "drivers/frame.hpp"
 #include "drivers/wire/age_bound.hpp"
@@ -131,6 +132,7 @@ private:
                                              std::uint64_t host_ns) noexcept;
     [[nodiscard]] double late_by_counter(const Frame& frame, double advance, double silence_ns,
                                          std::uint64_t host_ns) noexcept;
+    [[nodiscard]] bool may_be_kept(const Frame& frame, double advance, std::uint64_t host_ns) noexcept;
     [[nodiscard]] bool seems_restarted(const Frame& frame, double late_ns) const noexcept;
     [[nodiscard]] bool is_network() const noexcept { return route_.path == Route::Path::network; }
     // The path has discarded what it held when it was closed: the device's time, or its counter, has gone on meanwhile.

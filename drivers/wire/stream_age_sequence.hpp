@@ -187,24 +187,32 @@ inline double StreamAge::late_by_counter(const Frame& frame, double advance, dou
     return 0;
 }
 
+// The first frame of an opening whose path may have kept what it held: the device has restarted, or counts each connection
+// from 0; or the counter is further than the time since the last frame that was proved. The next opening shows it.
+inline bool StreamAge::may_be_kept(const Frame& frame, double advance, std::uint64_t host_ns) noexcept {
+    if (!is_reopened_ || !route_.reopening_discards) return false;
+    const double interval = interval_ns();
+    const bool leapt = advance * interval > 1.25 * double(host_ns - punctual_ns_) + kLate_ns;
+    const bool is_of_connection = opened_ns_ != 0 && frame.sequence * interval < double(host_ns - opened_ns_) + kLate_ns;
+    const bool begins = advance == 0 || (leapt && is_of_connection);
+    const bool began_before = std::exchange(began_at_opening_, begins);
+    return begins ? !began_before : leapt;
+}
+
 inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept {
     proof_ = Proof::sequence;
     const double silence_ns = has_frame_ ? double(host_ns - host_ns_) : 0;
     const double advance = advance_of(frame, silence_ns);
-    // The counter may have passed its end any number of times, and does not show how long the path held this frame.
-    if (has_waited(host_ns) && silence_ns > range_ns(frame) / 2) must_reopen_ = true;
-    // A lag of its range looks as if there was none.
-    if (!is_reopened_ && interval_ns() > 0 && silence_ns > std::max(range_ns(frame) - kLate_ns, kLate_ns + interval_ns()))
-        must_reopen_ = true;
-    // The device has restarted, or counts each connection from 0; or the counter is further than the time since the last
-    // frame that was proved. The next opening shows it.
-    const bool leapt = is_reopened_ && advance * interval_ns() > 1.25 * double(host_ns - punctual_ns_) + kLate_ns;
-    const bool is_of_connection =
-        opened_ns_ != 0 && frame.sequence * interval_ns() < double(host_ns - opened_ns_) + kLate_ns;
-    const bool begins = is_reopened_ && (advance == 0 || (leapt && is_of_connection));
-    const bool may_be_kept = route_.reopening_discards && (begins ? !began_at_opening_ : leapt);
-    must_reopen_ = must_reopen_ || may_be_kept;
-    if (is_reopened_) began_at_opening_ = begins;
+    if (silence_ns > kLate_ns) {
+        const double range = range_ns(frame), interval = interval_ns();
+        // The counter may have passed its end any number of times, and does not show how long the path held this frame.
+        if (has_waited(host_ns) && silence_ns > range / 2) must_reopen_ = true;
+        // A lag of its range looks as if there was none.
+        if (!is_reopened_ && interval > 0 && silence_ns > std::max(range - kLate_ns, kLate_ns + interval))
+            must_reopen_ = true;
+    }
+    const bool is_kept = may_be_kept(frame, advance, host_ns);
+    must_reopen_ = must_reopen_ || is_kept;
     bool late_is_known = period_ns_ > 0;
     double late = late_is_known ? late_by_counter(frame, advance, silence_ns, host_ns)
                                 : late_while_learning(frame, advance, silence_ns, host_ns);
@@ -227,8 +235,8 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
     // The device had paused: its counter is behind as before, and the path held nothing that opening it again discarded. A
     // lag of which a part was discarded is judged by the rest of it.
     const bool had_paused = !late_is_known || late > late_ns_ - kLate_ns;
-    if (is_unproved_ && had_paused && has_discarded(late) && !may_be_kept && !has_waited(host_ns) &&
-        !bound_.has_gone_back() && !may_come_again(host_ns)) {
+    if (is_unproved_ && had_paused && has_discarded(late) && !is_kept && !has_waited(host_ns) && !bound_.has_gone_back() &&
+        !may_come_again(host_ns)) {
         bound_.restart();
         bound_.end_fall();
         late = 0;
