@@ -97,12 +97,13 @@ inline bool StreamAge::may_hide_lag(const ClockStep& step, double late, bool res
         hidden_ns_ += std::max(step.silence_us - interval_us_, 0.0) * 1e3;
         if (hidden_ns_ > kLate_ns && route_.reopening_discards) return true;
     }
-    const double fell_ns = restarted ? 0 : bound_.fell_ns();
+    if (restarted) return false;
+    const double fell_ns = bound_.fell_ns();
     if (!is_reopened_) return step.leapt || (late_ns_ > kLate_ns && fell_ns > kLate_ns);
     // A path that has discarded a lag makes the frames as late as they were before it, and not earlier; and no lag is longer
     // than the time for which the age was not proved.
     const bool fell = route_.reopening_discards && fell_ns > kLate_ns + double(host_ns_ - punctual_ns_);
-    return !restarted && ((late_ns_ > kLate_ns && !is_unproved_ && bound_.has_fallen()) || fell || step.leapt_while_back);
+    return (late_ns_ > kLate_ns && !is_unproved_ && bound_.has_fallen()) || fell || step.leapt_while_back;
 }
 
 inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {

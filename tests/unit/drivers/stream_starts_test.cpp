@@ -108,6 +108,20 @@ TEST(StreamAge, AnHourOfSleepIsNoLeapOfTheClock) {
         }
 }
 
+// Decoders take a restart in the second half of the clock's 32 bits for its end.
+TEST(StreamAge, ARestartAfterHalfOfTheClockIsNoLeap) {
+    for (const bool counter : {true, false}) {
+        Device device(network(), true, counter);
+        device.clock_zero_ns = device.measured_ns - 3000 * kS;
+        device.run(1000);
+        device.measured_ns += 800 * kMs;
+        device.clock_zero_ns = device.measured_ns - 100 * kMs - 4'294'967'296'000;
+        device.sequence = 0;
+        device.run(10);
+        for (int i = 0; i < 100; ++i) ASSERT_TRUE(looks_good(device.next())) << counter << i;
+    }
+}
+
 TEST(StreamAge, ASlowDeviceWhoseFirstFrameWasHeldIsProved) {
     for (const bool counter : {true, false})
         for (const double period_ms : {100, 200, 500, 1000}) {
