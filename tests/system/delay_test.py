@@ -156,6 +156,23 @@ class Depths(Witnessed):
                     self.assert_young(one, (chain.daemon.config.read_text(), i))
                 wait_for(lambda c=chain: c.quality() == tactiled.GOOD, 15, "GOOD again")
 
+    def test_a_lag_that_begins_with_a_leap_of_the_clock_or_with_a_start_of_the_device_is_not_good(self):
+        with contextlib.ExitStack() as stack:
+            chains = [Chain(fields, ["tcp:127.0.0.1"]) for fields in FIELDS[:2]]
+            of_each(chains, stack.enter_context)
+
+            def strike(chain):
+                seen = []
+                for words in ("jump 1.2", "restart", "kick\njump 100"):
+                    chain.tell(f"keep 1\nlag 1\n{words}")
+                    seen.append(chain.watch(2.5))
+                    chain.tell("keep 0\nlag 0")
+                    wait_for(lambda: chain.quality() == tactiled.GOOD, 15, f"GOOD after {words}")
+                return seen
+            for chain, seen in zip(chains, of_each(chains, strike)):
+                for i, one in enumerate(seen):
+                    self.assert_young(one, (chain.daemon.config.read_text(), i))
+
     def test_an_old_frame_under_a_new_number_is_seen_by_the_clock_of_the_device(self):
         with Chain("sequence+clock", ["tcp:127.0.0.1", "tcp:127.0.0.1"]) as chain:
             for _ in range(5):

@@ -9,7 +9,7 @@ reader knows the true age of each value. Commands come as lines on standard inpu
     lag S         each line is passed on S seconds after it came
     hold S        nothing is passed on for S seconds, then all at once
     pause S       the device measures nothing for S seconds
-    keep 1        while no client is connected lines wait; otherwise those that are due are dropped
+    keep 1        while no client is connected lines wait, and come later from then on; until keep 0: those that are due are dropped
     fifo N        N bytes wait in the device while the port takes none, as in the firmware of a USB port; later ones are lost
     lose N        N bytes of the stream are lost, once
     swap 1        each second line is passed on before the one that came before it
@@ -170,6 +170,7 @@ def main(source, sink):
                 device.n, device.clock_zero_s = 0, now + device.ahead_s - 0.1
             else:
                 state[word] = value
+                moved_s = moved_s if state["keep"] else 0.0
         lines = list(device.lines(now)) if device else []
         if reader in ready:
             data = reader.recv(65536) if isinstance(reader, socket.socket) else reader.read(4096)
