@@ -121,11 +121,11 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     }
     const bool was_silent = bound_.silence_before_set_back_ns() > kLate_ns + interval_us_ * 1e3;
     const bool may_be_old = bound_.may_be_old() && route_.reopening_discards;
-    const bool may_have_begun =
+    const bool set_back_hides_lag =
         step.set_back && !step.counter_began && !step.clock_began && is_network() && (was_silent || may_be_old);
     const bool too_fast = bound_.is_too_fast() && is_network();
     is_no_clock_ = is_no_clock_ || bound_.is_no_clock() || (bound_.is_too_fast() && is_resonator_);
-    is_unproved_ = is_unproved_ || hides_lag || may_have_begun || too_fast || is_no_clock_;
+    is_unproved_ = is_unproved_ || hides_lag || set_back_hides_lag || too_fast || is_no_clock_;
     if (has_discarded(late) && !hides_lag && !is_no_clock_ && !has_waited(host_ns) && !bound_.has_gone_back()) {
         is_unproved_ = false;
         hidden_ns_ = 0;

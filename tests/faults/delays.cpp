@@ -92,9 +92,7 @@ void clock_set_back_in_a_lag(FreshnessRun& run, std::mt19937_64& random) {
 }
 
 void restart_after_a_pause(FreshnessRun& run, std::mt19937_64& random) {
-    run.pauses = true;
-    run.run_s(between(random, 0.06, 3));
-    run.pauses = false;
+    run.pause_for(between(random, 0.06, 3));
     run.restart_device();
 }
 
@@ -144,18 +142,14 @@ void counter_ends(FreshnessRun& run, std::mt19937_64& random) {
 }  // namespace
 
 void pause_of_the_device(FreshnessRun& run, std::mt19937_64& random) {
-    run.pauses = true;
-    run.run_s(between(random, 0.15, 5));
-    run.pauses = false;
+    run.pause_for(between(random, 0.15, 5));
     run.run_s(between(random, 10, 20));
 }
 
 namespace {
 
 void pause_and_link_down(FreshnessRun& run, std::mt19937_64& random) {
-    run.pauses = true;
-    run.run_s(between(random, 0.15, 5));
-    run.pauses = false;
+    run.pause_for(between(random, 0.15, 5));
     link_down(run, random);
 }
 

@@ -138,6 +138,13 @@ public:
     // The counter goes on from another number: another device.
     void count_on(double frames) { sequence_ += std::uint32_t(std::int64_t(frames)); }
 
+    // The device measures and sends nothing.
+    void pause_for(double s) {
+        pauses = true;
+        run_s(s);
+        pauses = false;
+    }
+
     // Until the clock begins again from 0 after its period.
     [[nodiscard]] double clock_left_s() const {
         return stream_.clock_period_s - std::fmod(device_us_ + offset_us_, stream_.clock_period_s * 1e6) * 1e-6;

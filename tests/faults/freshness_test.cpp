@@ -50,9 +50,7 @@ TEST(Freshness, HoursOfADeviceThatPausesCostOneSampleOfAPauseOrTheTimeUntilTheLi
             };
             run.run_s(10);
             for (const double end_s = run.now_s() + 3600 * number("HOURS", 2); run.now_s() < end_s; ++pauses) {
-                run.pauses = true;
-                run.run_s(between(0.1, 30));
-                run.pauses = false;
+                run.pause_for(between(0.1, 30));
                 const double pause_end_s = run.now_s();
                 const std::uint64_t before = alarms;
                 run.run_s(between(20, 120));

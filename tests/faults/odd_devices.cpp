@@ -136,19 +136,13 @@ void several_causes(FreshnessRun& run, std::mt19937_64& random) {
             case 0: run.extra_lag_s = one_in(3) ? 0 : 0.2 + s; break;
             case 1: run.clock_jump_us += (one_in(2) ? 1 : -1) * std::pow(10, between(random, 7, 9)); break;
             case 2:
-                run.pauses = true;
-                run.run_s(one_in(3) ? 0 : s);
-                run.pauses = false;
+                run.pause_for(one_in(3) ? 0 : s);
                 run.restart_device();
                 break;
             case 3: run.reopen(); break;
             case 4: run.hold_until(run.now_s() + s); break;
             case 5: run.count_on((one_in(2) ? 1 : -1) * std::pow(10, between(random, 0, 5))); break;
-            case 6:
-                run.pauses = true;
-                run.run_s(s);
-                run.pauses = false;
-                break;
+            case 6: run.pause_for(s); break;
             case 7:
                 run.drop = 1;
                 run.run_s(s);
