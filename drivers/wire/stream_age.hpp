@@ -172,7 +172,7 @@ private:
     bool is_no_clock_ = false;          // and it was faster still: its unit is another one
     std::uint64_t device_time_us_ = 0;  // the latest one
     double interval_us_ = 0;            // mean interval of the device's times
-    double hidden_ns_ = 0;              // silences before starts of the device, in which a lag may have begun
+    double hidden_ns_ = 0;              // longest lag that starts of the device and leaps of its clock may hide
 
     // The counter as a clock.
     std::uint32_t sequence_ = 0;

@@ -47,9 +47,8 @@ inline void StreamAge::begin_clock(double silence_ns) noexcept {
     // cable holds none.
     const bool may_lag = late_ns_ > kLate_ns || is_silent || (frame.has_sequence && counter_leapt);
     // A lag that ends makes it leap, too, with numbers that are missing.
-    const double lost = counter_leapt ? 0 : frame.lost;
     const double explained_us =
-        late_ns_ > kLate_ns ? interval_us_ * (frame.has_sequence ? kCountedLeap + 1.25 * lost : kLeap) : 0;
+        late_ns_ > kLate_ns ? interval_us_ * (frame.has_sequence ? kCountedLeap + 1.25 * frame.lost : kLeap) : 0;
     const double drift = is_resonator_ ? kResonator_ppm : route_.clock_ppm;
     const double most_us = step.silence_us * (1 + drift * 1e-6) + kLate_ns * 1e-3;
     const bool is_leap = frame.device_time_us > device_time_us_ && ahead_us > std::max(most_us, explained_us);
@@ -61,7 +60,7 @@ inline void StreamAge::begin_clock(double silence_ns) noexcept {
 inline double StreamAge::late_by_clock(const Frame& frame, std::uint64_t host_ns, ClockStep& step) noexcept {
     if (frame.device_time_us > device_time_us_ && !is_reopened_ && has_frame_ && device_time_us_ != 0) {
         const double interval_us = std::min(double(frame.device_time_us - device_time_us_), 2e6);
-        interval_us_ = interval_us_ > 0 ? interval_us_ + (interval_us - interval_us_) * 0.05 : interval_us;
+        interval_us_ += interval_us_ > 0 ? (std::min(interval_us, kLeap * interval_us_) - interval_us_) * 0.05 : interval_us;
     }
     const bool is_next = frame.has_sequence && !is_reopened_ && frame.sequence == sequence_ + 1 + frame.lost;
     const bool is_old = back_ > 0 && !step.counter_began;
@@ -91,19 +90,24 @@ inline bool StreamAge::has_restarted(const ClockStep& step, double late) const n
 
 // A lag may have begun that the clock does not show: with a start of the device, or several, or when the clock was set on.
 inline bool StreamAge::may_hide_lag(const ClockStep& step, double late, bool restarted) noexcept {
-    // A clock that fits the reference has passed its end in a pause.
-    const bool fits = late <= kLate_ns && bound_.fell_ns() <= kLate_ns;
-    if (restarted || (step.may_have_begun && !fits)) {
-        hidden_ns_ += std::max(step.silence_us - interval_us_, 0.0) * 1e3;
-        if (hidden_ns_ > kLate_ns && route_.reopening_discards) return true;
+    const double lag_ns = std::max(step.silence_us - interval_us_, 0.0) * 1e3;  // at most
+    const bool discards = route_.reopening_discards;
+    // An opening has either discarded the lags before it, or it proves nothing.
+    const double hidden_ns = std::exchange(hidden_ns_, is_reopened_ ? 0 : hidden_ns_);
+    if (restarted) {
+        hidden_ns_ += lag_ns;
+        return hidden_ns_ > kLate_ns && discards;
     }
-    if (restarted) return false;
     const double fell_ns = bound_.fell_ns();
-    if (!is_reopened_) return step.leapt || (late_ns_ > kLate_ns && fell_ns > kLate_ns);
-    // A path that has discarded a lag makes the frames as late as they were before it, and not earlier; and no lag is longer
-    // than the time for which the age was not proved.
-    const bool fell = route_.reopening_discards && fell_ns > kLate_ns + double(host_ns_ - punctual_ns_);
-    return (late_ns_ > kLate_ns && !is_unproved_ && bound_.has_fallen()) || fell || step.leapt_while_back;
+    // A clock that fits the reference has passed its end in a pause.
+    const bool may_have_restarted = step.may_have_begun && (late > kLate_ns || fell_ns > kLate_ns);
+    // A path that has discarded a lag makes the frames as late as they were before it, and not earlier.
+    const bool was_set_on = is_reopened_ ? (late_ns_ > kLate_ns && !is_unproved_ && bound_.has_fallen()) ||
+                                               (discards && fell_ns > kLate_ns + hidden_ns) || step.leapt_while_back
+                                         : step.leapt || (late_ns_ > kLate_ns && fell_ns > kLate_ns);
+    const bool hides = was_set_on || (may_have_restarted && discards);
+    if (hides && !is_reopened_) hidden_ns_ += lag_ns;
+    return hides;
 }
 
 inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
@@ -128,7 +132,6 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     is_unproved_ = is_unproved_ || hides_lag || set_back_hides_lag || too_fast || is_no_clock_;
     if (has_discarded(late) && !hides_lag && !is_no_clock_ && !has_waited(host_ns) && !bound_.has_gone_back()) {
         is_unproved_ = false;
-        hidden_ns_ = 0;
         bound_.end_fall();
         if (too_fast) {  // this frame is on time: the drift is learned anew, as that of a resonator
             bound_ =

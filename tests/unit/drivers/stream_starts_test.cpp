@@ -12,14 +12,16 @@ void expect_seen(Device& device, double delay_ms, int frames = 500) {
 }
 
 // And then the link is opened again, and discards the frames that were on their way.
-void expect_seen_until_opened(Device& device, double delay_ms) {
+void expect_seen_until_opened(Device& device, double delay_ms, int openings = 1) {
     expect_seen(device, delay_ms);
-    device.open(connection());
-    const auto missing = std::uint32_t(20 + delay_ms / 10);
-    device.sequence += missing;
-    (void)device.next(1, 10 * (missing + 1));
-    device.run(10);
-    EXPECT_TRUE(looks_good(device.next()));
+    for (int i = 1; i <= openings; ++i) {
+        device.open(connection());
+        const auto missing = std::uint32_t(20 + (i == 1 ? delay_ms / 10 : 0));
+        device.sequence += missing;
+        (void)device.next(1, 10 * (missing + 1));
+        device.run(10);
+        EXPECT_EQ(looks_good(device.next()), i == openings) << i;
+    }
 }
 
 TEST(StreamAge, ALagThatBeginsWhenTheRateOfTheCounterIsKnownIsSeen) {
@@ -63,7 +65,7 @@ TEST(StreamAge, AnotherDeviceThatTakesOverWithoutASilenceProvesNothing) {
     device.clock_zero_ns -= 502 * kS;
     device.sequence += 12345;
     EXPECT_FALSE(looks_good(device.next(2000, 10, 12345)));
-    expect_seen_until_opened(device, 2000);
+    expect_seen_until_opened(device, 2000, 2);
 }
 
 TEST(StreamAge, ALagAndAClockThatIsSetOnWhileTheLinkIsClosedAreSeen) {
@@ -74,7 +76,7 @@ TEST(StreamAge, ALagAndAClockThatIsSetOnWhileTheLinkIsClosedAreSeen) {
         device.clock_zero_ns -= 100 * kS;
         device.measured_ns += 200 * kMs;
         device.sequence += 20;
-        expect_seen_until_opened(device, 2000);
+        expect_seen_until_opened(device, 2000, 2);
     }
 }
 
@@ -99,7 +101,7 @@ TEST(StreamAge, AClockThatBecomesValidInALagProvesNothing) {
         device.run(in_lag, 3000);
         device.has_clock = true;
         device.clock_zero_ns = device.measured_ns;
-        expect_seen_until_opened(device, 3000);
+        expect_seen_until_opened(device, 3000, 2);
     }
 }
 
@@ -192,6 +194,34 @@ TEST(StreamAge, SmallLagsThatBeginWithEachOfSeveralStartsAddUp) {
         device.sequence = 0;
     }
     expect_seen(device, 400);
+}
+
+TEST(StreamAge, AnOpeningThatProvesTheAgeForgetsTheStartsBeforeIt) {
+    Device device(connection());
+    for (int i = 0; i < 3; ++i) {
+        device.run(200);
+        device.measured_ns += 45 * kMs;
+        device.clock_zero_ns = device.measured_ns;
+        device.sequence = 0;
+        EXPECT_EQ(looks_good(device.next()), i != 1) << i;  // 90 ms in sum
+        if (i != 1) continue;
+        device.open(connection());
+        device.sequence += 20;
+        EXPECT_TRUE(looks_good(device.next(1, 210)));
+    }
+}
+
+// Not the end of its 30 bits: the counter has begun again, too.
+TEST(StreamAge, ARestartWithoutASilenceNearTheEndOfTheClockIsSeen) {
+    Device device(network());
+    device.clock_zero_ns = device.measured_ns - 1'060'000 * kMs;
+    device.run(1000);
+    device.clock_zero_ns = device.measured_ns;
+    device.sequence = 0;
+    device.run(100);
+    for (int i = 0; i < 100; ++i) ASSERT_FALSE(looks_good(device.next(2000))) << i;
+    device.sequence += 200;
+    EXPECT_TRUE(looks_good(device.next(1, 2010, 200)));
 }
 
 TEST(StreamAge, ALagOfTheRangeOfTheCounterIsSeen) {
