@@ -33,7 +33,7 @@ else
     base=$(git merge-base origin/main HEAD 2>/dev/null || true)
     [ -n "$base" ] && [ "$base" != "$(git rev-parse HEAD)" ] || base=HEAD~1
 fi
-base=$(git rev-parse --verify --quiet "$base^{commit}") || { echo "quick.sh: there is no commit \"$base\" to compare with" >&2; exit 2; }
+git rev-parse --verify --quiet "$base^{commit}" >/dev/null || { echo "quick.sh: there is no commit $base to compare with" >&2; exit 2; }
 # With the deleted files, whose folders have tests.
 mapfile -d '' -t changed < <(git diff -z --name-only --no-renames "$base"; git ls-files -z --others --exclude-standard)
 present=()
@@ -128,10 +128,10 @@ unit() { # PROGRAM: in parts, because most of the tests wait
     return $status
 }
 if [ ${#code[@]} -gt 0 ]; then
+    before=$failed
     check configure "$build" cmake -S . -B "$build" --preset release -DTACTILED_TESTS=ON
     mapfile -t units < <(programs)
-    before=$failed
-    check build "${units[*]} and the changed files" build_targets "${units[@]}"
+    [ "$failed" != "$before" ] || check build "${units[*]} and the changed files" build_targets "${units[@]}"
     if [ "$failed" = "$before" ]; then
         for program in "${units[@]}"; do check units "$program" unit "$program"; done
     fi
