@@ -17,7 +17,8 @@ install_hook() {
         exit 1
     fi
     mkdir -p "$(dirname "$hook")"
-    printf '%s\n' '#!/bin/sh' "$mark" 'exec "$(git rev-parse --show-toplevel)"/tests/quick.sh </dev/null' >"$hook"
+    # A commit before quick.sh can be pushed, too.
+    printf '%s\n' '#!/bin/sh' "$mark" 'quick=$(git rev-parse --show-toplevel)/tests/quick.sh' '[ ! -x "$quick" ] || exec "$quick" </dev/null' >"$hook"
     chmod +x "$hook"
     echo "quick.sh: $hook runs tests/quick.sh before each push"
 }
@@ -42,7 +43,7 @@ echo "quick.sh: ${#changed[@]} files changed since $(git log -1 --format='%h %s'
 [ ${#changed[@]} -gt 0 ] || exit 0
 
 work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+trap 'jobs -p | xargs -r kill 2>/dev/null; rm -rf "$work"' EXIT
 failed=0
 line() { # TENTHS NAME RESULT
     printf '%4d.%d s  %-16s %s\n' $(($1 / 10)) $(($1 % 10)) "$2" "$3"
@@ -83,11 +84,11 @@ shell() {
     return $status
 }
 mapfile -t files < <(select_files '\.(cpp|hpp|h)$')
-[ ${#files[@]} -eq 0 ] || check format "${#files[@]} files" format "${files[@]}"
+[ ${#files[@]} -eq 0 ] || check format "files: ${#files[@]}" format "${files[@]}"
 mapfile -t files < <(select_files '\.py$')
-[ ${#files[@]} -eq 0 ] || check python "${#files[@]} files" env PYTHONPYCACHEPREFIX="$work" python3 -m py_compile "${files[@]}"
+[ ${#files[@]} -eq 0 ] || check python "files: ${#files[@]}" env PYTHONPYCACHEPREFIX="$work" python3 -m py_compile "${files[@]}"
 mapfile -t files < <(shell_files)
-[ ${#files[@]} -eq 0 ] || check shell "${#files[@]} files" shell "${files[@]}"
+[ ${#files[@]} -eq 0 ] || check shell "files: ${#files[@]}" shell "${files[@]}"
 check includes "all files" tests/include_directions.py
 check language "all files" tests/language_check.py
 check prose "all files" tests/prose_check.py
@@ -114,7 +115,7 @@ build_targets() { # TARGET...: with each changed source, which need not be part 
     local sources
     mapfile -t sources < <(compiled $(select_files '^(config|drivers|decoupling|node)/.*\.cpp$') | sed -e '/./!d' -e "s|.*|$PWD/&^|")
     [ $(($# + ${#sources[@]})) -gt 0 ] || return 0
-    nice cmake --build "$build" --target "$@" "${sources[@]}"
+    cmake --build "$build" --target "$@" "${sources[@]}"
 }
 unit() { # PROGRAM: in parts, because most of the tests wait
     local parts=$((2 * $(nproc))) part status=0 running=()
@@ -151,7 +152,7 @@ tidy() { # FILE...
     command -v clang-tidy-14 >/dev/null || { echo "clang-tidy-14 is missing (node/install-packages.sh tests)"; return 77; }
     # The commands without the precompiled headers of g++, which clang cannot read.
     sed -E 's/ (-fpch-preprocess|-Winvalid-pch|-include [^ ]*cmake_pch\.hxx)//g' "$build/compile_commands.json" >"$work/compile_commands.json"
-    printf '%s\n' "$@" | nice xargs -P "$(nproc)" -n 1 clang-tidy-14 --quiet -p "$work" 2>"$work/messages" ||
+    printf '%s\n' "$@" | xargs -P "$(nproc)" -n 1 clang-tidy-14 --quiet -p "$work" 2>"$work/messages" ||
         { grep -vE '^[0-9]+ (warnings?|errors?) ' "$work/messages"; return 1; }
 }
 if [ ${#code[@]} -gt 0 ] && [ -f "$build/compile_commands.json" ]; then
