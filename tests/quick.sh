@@ -117,7 +117,7 @@ build_targets() { # TARGET...: with each changed source, which need not be part 
     [ $(($# + ${#sources[@]})) -gt 0 ] || return 0
     cmake --build "$build" --target "$@" "${sources[@]}"
 }
-[ "$(id -u)" = 0 ] || [ -n "${XDG_RUNTIME_DIR:-}" ] || { mkdir -p build; export TACTILED_RUNTIME_DIR=$PWD/build/run; }  # as in run.sh
+[ "$(id -u)" = 0 ] || [ -n "${XDG_RUNTIME_DIR:-}" ] || { mkdir -p build; export TACTILED_RUNTIME_DIR=$PWD/build/run; }  # run.sh does the same
 unit() { # PROGRAM: in parts, because most of the tests wait
     local parts=$((2 * $(nproc))) part status=0 running=()
     for ((part = 0; part < parts; ++part)); do
