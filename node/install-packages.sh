@@ -13,9 +13,9 @@ tests=(libgtest-dev librapidcheck-dev mbpoll python3 python3-pymodbus python3-se
 browser=(chromium chromium-driver python3-selenium)
 kernel=(qemu-system-x86 busybox-static iproute2 can-utils cpio kmod python3 binutils libelf-dev make gcc xz-utils zstd)
 packaging=(help2man dpkg-dev file)
-# The formatting is checked by this version only, which Debian 13 no longer has; Fast DDS has
+# These check the format and the code by this version only, which Debian 13 no longer has; Fast DDS has
 # another interface there.
-[ "$(. /etc/os-release && echo "${VERSION_ID:-}")" = 13 ] || tests+=(clang-format-14 libfastrtps-dev)
+[ "$(. /etc/os-release && echo "${VERSION_ID:-}")" = 13 ] || tests+=(clang-format-14 clang-tidy-14 libfastrtps-dev)
 command -v node >/dev/null || tests+=(nodejs)
 
 wanted=()
