@@ -39,16 +39,16 @@ constexpr std::size_t kMinToken = 16;
 std::string token_in(const std::string& path) {
     if (path.empty()) return "";
     Problems problems;
-    std::string token = read_text_file(path, 4096, problems).value_or("");
+    const std::string text = read_text_file(path, 4096, problems).value_or("");
     problems.throw_if_any();
-    token.erase(token.find_last_not_of(" \t\r\n") + 1);
+    const auto token = std::string_view(text).substr(0, text.find_last_not_of(" \t\r\n") + 1);
     const bool printable = std::all_of(token.begin(), token.end(), [](unsigned char c) { return c > ' ' && c < 127; });
     if (token.size() < kMinToken || !printable)
         throw SetupError(
             fmt::format("{}: a token is one line of at least {} printable characters, such as that of "
                         "\"openssl rand -hex 16\"",
                         path, kMinToken));
-    return token;
+    return std::string(token);
 }
 
 int listen_on(const std::string& text) {
