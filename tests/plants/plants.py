@@ -7,16 +7,19 @@
 
 The copy is build/plants/tree; its builds are kept for the next time. Without a plant each test has to pass."""
 import argparse
+import contextlib
 import os
 import pathlib
+import signal
 import subprocess
 import sys
+import tempfile
 import time
 import tomllib
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 TREE = ROOT / "build/plants/tree"
-TIMEOUT_S = 300  # of a test, which a plant may keep from ending: that is a failure, too
+TIMEOUT_S = 300  # limit of a test; a plant that keeps a test from ending is found
 ENV = {**os.environ, "CCACHE_BASEDIR": str(TREE), "CCACHE_NOHASHDIR": "1"}
 
 
@@ -74,24 +77,27 @@ def passes(plant):
         command = [bin_folder / first, "--gtest_brief=1", f"--gtest_filter={' '.join(rest)}"]
     else:
         command = [bin_folder / first, *rest]
-    process = subprocess.Popen(list(map(str, command)), cwd=TREE, env={**ENV, "TACTILED_BIN": str(bin_folder)}, stdout=subprocess.PIPE,
-                               stderr=subprocess.STDOUT, text=True, errors="replace", start_new_session=True)
-    try:
-        output, _ = process.communicate(timeout=TIMEOUT_S)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, 9)  # its own session: the test and its daemons
-        output, _ = process.communicate()
-        return False, output + "\nit did not end"
-    return process.returncode == 0, output
+    with tempfile.TemporaryFile(mode="w+", errors="replace") as output:  # a pipe would stay open while a daemon of the test lives
+        process = subprocess.Popen(list(map(str, command)), cwd=TREE, env={**ENV, "TACTILED_BIN": str(bin_folder)}, stdout=output,
+                                   stderr=subprocess.STDOUT, start_new_session=True)
+        try:
+            status = process.wait(timeout=TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            status = "it did not end"
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)  # the test's own session
+        process.wait()
+        output.seek(0)
+        return status == 0, f"{output.read()}\n{status if status == 'it did not end' else ''}"
 
 
 def found_by(output):
     """The line of the output that names the finding best, shortened."""
     lines = [line.strip() for line in output.splitlines()]
-    for mark in ("WARNING: ThreadSanitizer", "ERROR: AddressSanitizer", "runtime error:", "[  FAILED  ]", "FAIL: ", "ERROR: ", "did not end"):
+    for mark in ("WARNING: ThreadSanitizer", "ERROR: AddressSanitizer", "runtime error:", "data race", " torn", "sleeps for ever", "[  FAILED  ]", "FAIL: ", "ERROR: ", "did not end"):
         for line in lines:
             if mark in line:
-                return line[line.index(mark):].replace("|", "/")[:90]
+                return line[line.index(mark) if mark.isupper() else 0:].replace("|", "/")[:90]
     return next((line for line in reversed(lines) if line), "no output").replace("|", "/")[:90]
 
 
@@ -99,8 +105,10 @@ def try_plant(plant, jobs):
     """Returns (found, by what, seconds)."""
     path = TREE / plant["file"]
     text, began = path.read_text(), time.monotonic()
-    path.write_text(text.replace(plant["old"], plant["new"]))
     try:
+        if text.count(plant["old"]) != 1:
+            raise Error(f"{plant['file']} of the last commit lacks the text")
+        path.write_text(text.replace(plant["old"], plant["new"]))
         build(plant["preset"], targets_of(plant), jobs)
         passed, output = passes(plant)
     except Error as error:

@@ -125,6 +125,10 @@ TEST_F(SegmentTest, AReaderRefusesWhatItCannotRead) {
                   std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, byte_order), 0x04030201, 4).find("byte order"), std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, total_size), 1u << 30, 4).find("truncated"), std::string::npos);
+        EXPECT_NE(patched(offsetof(tactiled_header, n_sensors), TACTILED_MAX_SENSORS + 1, 4).find("more sensors"),
+                  std::string::npos);
+        EXPECT_NE(patched(offsetof(tactiled_header, n_links), TACTILED_MAX_LINKS + 1, 4).find("more sensors"),
+                  std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, sensor_offset), 1u << 30, 4).find("outside"), std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, node) + offsetof(tactiled_ring, slots), 1u << 20, 4).find("outside"),
                   std::string::npos);
