@@ -112,7 +112,7 @@ TEST(Latency, AMotionThatWasThereFromTheStartIsAtLeastTheStandardDeviation) {
     latency.set_delay(all_of(0.001));
     for (std::uint64_t i = 1; i <= 1000; ++i) {
         const double sd = sd_of(latency, i % 2 == 0 ? 1 : 0, i * kMs);
-        if (i > 1) EXPECT_GE(sd, 1 / std::numbers::sqrt2);
+        if (i > 1) { EXPECT_GE(sd, 1 / std::numbers::sqrt2); }
     }
 }
 
