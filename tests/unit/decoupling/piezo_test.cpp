@@ -196,7 +196,7 @@ TEST(Piezo, AChannelThatSticksContradictsTheOther) {
             Estimate estimate;
             const double press = press_of(*decoupler, t, V + 0.0768, seen, &estimate);
             if (t < 0.1) continue;
-            if (t < 2) EXPECT_EQ(estimate.quality, TACTILED_GOOD) << t;
+            if (t < 2) { EXPECT_EQ(estimate.quality, TACTILED_GOOD) << t; }
             if (t < 2.21) continue;  // one window has shown it; a Cn that repeats its number counts after two
             EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN) << t;
             EXPECT_NE(estimate.reasons & TACTILED_DISAGREEMENT, 0u);
@@ -218,8 +218,8 @@ TEST(Piezo, ASmallDifferenceOfTheChannelsIsInTheStandardDeviation) {
             press_of(*decoupler, t, 0.0768, centre_pF(windows * kWindow_s <= 2.0 + 1e-9 ? 1 : after), &estimate);
         if (t < 1) continue;
         EXPECT_EQ(estimate.quality, TACTILED_GOOD) << t;
-        if (t < 2) EXPECT_NEAR(estimate.sd[2], sd, 0.1 * sd) << t;
-        if (t > 2.11) EXPECT_LT(std::abs(press - after), 2.1 * estimate.sd[2]) << t;
+        if (t < 2) { EXPECT_NEAR(estimate.sd[2], sd, 0.1 * sd) << t; }
+        if (t > 2.11) { EXPECT_LT(std::abs(press - after), 2.1 * estimate.sd[2]) << t; }
     }
 }
 

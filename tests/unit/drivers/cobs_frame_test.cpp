@@ -85,6 +85,12 @@ TEST(CobsFrame, TheDevicesClockIsExtendedAcrossItsWrapAndARestartIsSeenByIt) {
     EXPECT_EQ(frames[1].device_time_us, 0x1'0000'0010u);
     EXPECT_EQ(frames[3].sequence, 0u);
     EXPECT_EQ(frames[3].lost, 0u);
+    bytes.clear();  // half of the range is no wrap
+    add(1, 0x7FFFFFF0u);
+    add(2, 0x80000010u);
+    const auto halves = decode(decoder, bytes);
+    ASSERT_EQ(halves.size(), 2u);
+    EXPECT_EQ(halves[1].device_time_us - halves[0].device_time_us, 0x20u);
 }
 
 TEST(CobsFrame, AnEndlessFrameCostsOneCount) {
