@@ -9,7 +9,7 @@
 #include <fstream>
 
 #include "tactiled/reader.hpp"
-#include "through.hpp"
+#include "tests/unit/node/through.hpp"
 
 namespace tactiled {
 namespace {
