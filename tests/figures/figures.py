@@ -27,17 +27,19 @@ BUILD = store.ROOT / "build/release"
 
 
 def chosen(sections, only):
+    """The runs of the names in `only`: figures, runs, or the runs of a section but the long ones. None: all but the long ones."""
     runs = [run for section in sections for run in section.runs]
+    usual = [run for run in runs if not run.is_long]
     if not only:
-        return [run for run in runs if not run.is_long]
-    known = {}
-    for run in runs:
-        for name in (run.id, run.section.id, *(figure.id for figure in run.figures)):
-            known.setdefault(name, []).append(run)
-    missing = [name for name in only if name not in known]
-    if missing:
-        raise SystemExit(f"no figure, run or section {', '.join(missing)}; --list names them")
-    return [run for run in runs if any(run in known[name] for name in only)]
+        return usual
+    picked = []
+    for name in only:
+        found = ([run for run in runs if name in (run.id, *(figure.id for figure in run.figures))] or
+                 [run for run in usual if run.section.id == name])
+        if not found:
+            raise SystemExit(f"no figure, run or section {name}; --list names them")
+        picked += found
+    return [run for run in runs if run in picked]
 
 
 def build(runs):
@@ -140,7 +142,7 @@ def main():
     messages = []
     if args.list:
         for figure in figures.values():
-            print(f"{figure.id:34} {figure.kind:13} {page.duration(figure.run.duration_s):>7}  {figure.question}")
+            print(f"{figure.run.section.id:12} {figure.id:30} {figure.kind:13} {page.duration(figure.run.duration_s):>7}  {figure.question}")
     elif args.check:
         messages = list(check(sections, figures, results))
     else:

@@ -1,7 +1,9 @@
 """Renders tests/bench/RESULTS.md from the table and the results, and fills in the figures on other pages."""
+import math
 import pathlib
 import re
 import subprocess
+import textwrap
 
 MAX_WORDS = 6000
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -15,35 +17,45 @@ def duration(seconds):
 
 
 def value(figure, results):
+    """The newest value as text."""
     entry = results["figures"].get(figure.id)
     return figure.text(entry["value"]) if entry else "?"
 
 
 def origin(figure, entry):
-    """Commit and date of a value and, of a long figure, the changes since."""
-    words = f"{entry['commit']}, {entry['date']}"
-    if figure.kind == "absolute" and not entry["idle"]:
-        words += ", busy machine"
+    """Command, commit and date of a value and, of a long figure, the changes since."""
+    command = figure.run.command.replace("build/release/bin/", "").strip().replace("|", "\\|")
+    words = f"`{command}` {entry['commit']} {entry['date']}"
     if figure.kind == "long":
         lines = entry.get("changed_lines")
-        words += "; commit no longer exists" if lines is None else f"; {lines:,} lines changed since" if lines else "; unchanged since"
+        words += ", commit no longer exists" if lines is None else f", {lines:,} lines since" if lines else ", unchanged"
     return words
 
 
 def interval(figure):
-    low, high = (figure.text(end) for end in figure.within)
-    return low if low == high else f"{low} to {high}"
+    low, high = figure.within
+    if math.isinf(high):
+        return f"≥{figure.text(low)}"
+    return figure.text(low) if low == high else f"{figure.text(low)}–{figure.text(high)}"
 
 
 def rows(run, results):
     before = None
     for figure in run.figures:
         entry = results["figures"].get(figure.id)
-        source = f"`{run.command.replace('build/release/bin/', '')}` {origin(figure, entry)}" if entry else "not measured"
-        kind = {"absolute": " †", "long": " ‡"}.get(figure.kind, "")
+        source = origin(figure, entry) if entry else "not measured"
         unit = f" {figure.unit}" if figure.unit else ""
-        yield f"| {figure.question} | {value(figure, results)}{unit}{kind} | {interval(figure)} | {'″' if source == before else source} |"
+        mark = {"absolute": " †", "long": " ‡"}.get(figure.kind, "")
+        if entry and figure.kind == "absolute" and not entry["idle"]:
+            mark += " busy machine"
+        yield f"|{figure.question}|{value(figure, results)}{unit}{mark}|{interval(figure)}|{'' if source == before else source}|"
         before = source
+
+
+def wrapped(text):
+    """Paragraphs in lines of at most 110 characters; lists, tables and code stay."""
+    return "\n\n".join(part if part.startswith((" ", "|", "* ", "#")) else
+                       textwrap.fill(part, 110, break_long_words=False, break_on_hyphens=False) for part in text.split("\n\n"))
 
 
 def filled(text, figures, results):
@@ -66,10 +78,10 @@ def rendered(sections, figures, results):
     parts = []
     for section in sections:
         text = filled(section.text.strip(), figures, results)
-        text = text.replace("{duration}", duration(seconds_of(sections, results))).replace("{machine}", results["machine"])
+        text = wrapped(text.replace("{duration}", duration(seconds_of(sections, results))).replace("{machine}", results["machine"]))
         parts += ["#" * section.level + " " + section.title, text]
         if section.runs:
-            parts.append("| question | figure | interval | command, commit, date |\n|---|---|---|---|\n" +
+            parts.append("|question|figure|interval|command, commit, date|\n|---|---|---|---|\n" +
                          "\n".join(row for run in section.runs for row in rows(run, results)))
     return "\n\n".join(part for part in parts if part) + "\n"
 
