@@ -8,8 +8,8 @@
 //
 // Levels: the method alone; with the joint domain of the calibration; with the delay in the sd, too, as the daemon does by
 // default ("checks"); with parity, too, which is on request. A warm reading is a block of 16 samples; the clock's own 30 ns
-// are spread over them. A cold one is one sample after 8 MB were written, which evict the caches of the core, not the
-// processor's last one; the clock's own time is subtracted.
+// are spread over them. A cold one is one sample after 64 MB were written, which evict the caches; the clock's own time is
+// subtracted.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <malloc.h>
@@ -113,7 +113,7 @@ int check_allocations(std::vector<Case>& cases) {
 }
 
 void measure(std::vector<Case>& cases, std::size_t rounds) {
-    std::vector<char> other(8 << 20);
+    std::vector<char> other(64 << 20);
     std::vector<double> clock_ns;
     const auto cold = [&](Case& c, Variant& variant, std::size_t i) {
         for (std::size_t k = 0; k < other.size(); k += 64) ++other[k];

@@ -1,6 +1,7 @@
 """tests/figures/results.json: the newest value of each figure, and the changes since its commit."""
 import datetime
 import json
+import math
 import pathlib
 import re
 import subprocess
@@ -57,5 +58,5 @@ def note_changes(results, figures):
 
 
 def entry(figure, value, duration_s, machine, idle):
-    return {"value": value, "within": list(figure.within), "unit": figure.unit, "commit": head(figure.run.folders), "date": today(),
+    return {"value": value, "within": [None if math.isinf(end) else end for end in figure.within], "unit": figure.unit, "commit": head(figure.run.folders), "date": today(),
             "machine": machine, "idle": idle, "command": figure.run.command, "duration_s": round(duration_s, 1)}
