@@ -77,7 +77,8 @@ def measured(run):
             return {}, [f"{run.id}: {'no end in time' if status is None else f'exit status {status}'}; command: {run.command}\n    {last}"]
         for figure in run.figures:
             try:
-                values.setdefault(figure, []).append(judge.value_of(figure, output))
+                value = judge.value_of(figure, output)
+                values.setdefault(figure, []).append(value)
             except judge.Unreadable as error:
                 faults.append(f"{error}; command: {run.command}")
     return {figure: sorted(many)[(len(many) - 1) // 2] for figure, many in values.items()}, faults
@@ -108,6 +109,7 @@ def measure(runs, results):
         begun = time.monotonic()
         values, faults = measured(run)
         took_s = time.monotonic() - begun
+        print("".join(f"  {fault}\n" for fault in faults), end="", flush=True)
         messages += faults
         messages += filter(None, [keep(results, figure, value, took_s, here, idle) for figure, value in values.items()])
         store.store(results)
