@@ -22,7 +22,7 @@ struct Variant {
 };
 struct Case {
     std::string name;
-    std::optional<Variant> level[kLevels];  // none: the calibration has nothing for this level
+    std::optional<Variant> level[kLevels];  // absent if the calibration lacks it
     std::vector<std::vector<double>> readings;
 };
 

@@ -25,7 +25,7 @@ def instructions(bench, method, level, samples, plant):
 
 
 def a_sample(bench, method, level, plant=""):
-    """None: the method has no such level."""
+    """The count, or None if the method lacks the level."""
     counts = [instructions(bench, method, level, samples, plant) for samples in (SHORT, LONG)]
     return None if None in counts else (counts[1] - counts[0]) / (LONG - SHORT)
 

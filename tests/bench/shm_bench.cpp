@@ -39,7 +39,7 @@ struct Message {
 
 enum Phase : std::uint32_t { kIdle, kHop, kClosed, kBlocked, kEnd };
 
-// What the two processes share beside the ring.
+// Memory that the two processes share beside the ring.
 struct Shared {
     alignas(128) std::atomic<std::uint32_t> phase{kIdle};
     alignas(128) std::atomic<std::uint32_t> in_phase{kIdle};

@@ -82,7 +82,7 @@ def run_of(row):
 
 
 def faults_of(sections):
-    """What is wrong with the table itself."""
+    """Mistakes in the table itself."""
     runs = [run for section in sections for run in section.runs]
     figures = [figure for run in runs for figure in run.figures]
     for ids in ([run.id for run in runs], [figure.id for figure in figures]):

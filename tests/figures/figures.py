@@ -27,7 +27,7 @@ BUILD = store.ROOT / "build/release"
 
 
 def chosen(sections, only):
-    """The runs of the names in `only`: figures, runs, or the runs of a section but the long ones. None: all but the long ones."""
+    """The runs of the names in `only`: figures, runs, or the runs of a section but the long ones; without names, all but the long ones."""
     runs = [run for section in sections for run in section.runs]
     usual = [run for run in runs if not run.is_long]
     if not only:

@@ -4,7 +4,7 @@ import pathlib
 import re
 import time
 
-BUSY_SHARE = 0.05  # of the processors, above which the machine is not idle
+BUSY_SHARE = 0.05  # share of the processors above which the machine is not idle
 BUSY_LOAD = 0.5  # load average of the last minute, a processor
 
 
@@ -54,7 +54,7 @@ def is_idle(share=None, load=None):
 
 
 def judged(figure, here, stored_machine, idle):
-    """Whether this machine, in this state, may judge the figure."""
+    """True if this machine, in this state, may judge the figure."""
     return figure.kind != "absolute" or (idle and here == stored_machine)
 
 

@@ -113,7 +113,7 @@ def render(sections, figures, results, root=ROOT):
 
 
 def faults(sections, figures, results, root=ROOT):
-    """What differs between the pages and the results."""
+    """Differences between the pages and the results."""
     page = rendered(sections, figures, results)
     if (root / PAGE).read_text() != page:
         yield f"{PAGE} is not what tests/figures.sh --render writes"
