@@ -121,6 +121,8 @@ def faults(sections, figures, results, root=ROOT):
         yield f"{PAGE} has {len(page.split())} words; at most {MAX_WORDS}"
     for name, text in marked_pages(root):
         newest, unknown = with_figures(text, figures, results)
+        yield from (f"{name}: a line of prose begins with a figure, which ends its paragraph: {line}"
+                    for line in text.splitlines() if line.startswith("<!--="))
         yield from (f"{name}: there is no figure {figure}" for figure in unknown)
         if newest != text:
             yield f"{name} has other figures than tests/figures/results.json; tests/figures.sh --render writes them"
