@@ -111,6 +111,7 @@ def measure(runs, results):
         took_s = time.monotonic() - begun
         print("".join(f"  {fault}\n" for fault in faults), end="", flush=True)
         messages += faults
+        results["figures"].update(store.load()["figures"])  # another call may have stored some meanwhile
         messages += filter(None, [keep(results, figure, value, took_s, here, idle) for figure, value in values.items()])
         store.store(results)
     return messages

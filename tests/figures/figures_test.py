@@ -115,7 +115,7 @@ class PlantsInPrograms(unittest.TestCase):
 
     @unittest.skipUnless((BIN / "decouple_bench").exists() and shutil.which("valgrind"), "decouple_bench or valgrind is missing")
     def test_a_slow_down_of_30_percent(self):
-        one = definition.figures_of(definition.load())["instructions.sum_diff"]
+        one = definition.figures_of(definition.load())["methods.sum_diff"]
         script = store.ROOT / "tests/bench/decouple_instructions.py"
         for plant, outside in ((["--plant", "slow"], True), ([], False)):
             output = subprocess.run([sys.executable, script, "--only", "hair/sum_diff", "--levels", "checks", "--bench", BIN / "decouple_bench", *plant],
