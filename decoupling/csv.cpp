@@ -47,7 +47,7 @@ std::string hint(std::string_view cell, std::string_view column, std::int64_t li
     if (starts_with_digit && blank != cell.npos && parse(cell.substr(0, blank)))
         return "; the unit is in the column's name only";
     const bool is_word = std::none_of(cell.begin(), cell.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
-    const bool is_missing = cell.find("/") != cell.npos || cell.size() > 3 || cell == "-" || cell == "NA";  // N/A, None, ...
+    const bool is_missing = cell.find('/') != cell.npos || cell.size() > 3 || cell == "-" || cell == "NA";  // N/A, None, ...
     if (line == 2 && is_word && !is_missing) return "; is this a row of units? Delete it";
     return "; a missing one is an empty cell";
 }

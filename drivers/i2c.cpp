@@ -102,7 +102,7 @@ public:
             if (wrong.empty()) wrong = line->open();
             fds.push_back(line->fd());
         }
-        bus_.watch(std::move(fds));
+        bus_.watch(fds);
         if (!wrong.empty()) close();
         return wrong;
     }

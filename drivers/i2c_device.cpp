@@ -76,7 +76,7 @@ void I2cDevice::wait_until(std::uint64_t t_ns) noexcept {
         if ((line.revents & (POLLERR | POLLHUP | POLLNVAL)) != 0) line.fd = -1;  // the GPIO chip was removed
 }
 
-void I2cDevice::watch(std::vector<int> fds) {
+void I2cDevice::watch(const std::vector<int>& fds) {
     watched_.clear();
     for (const int fd : fds) watched_.push_back({fd, POLLIN, 0});
 }

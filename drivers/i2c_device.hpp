@@ -23,7 +23,7 @@ public:
     void wait_until(std::uint64_t t_ns) noexcept override;
 
     // Sets descriptors that end a wait when they are readable, until they are removed. setup
-    void watch(std::vector<int> fds);
+    void watch(const std::vector<int>& fds);
     // rt: bounded by the number of lines
     void forget(int fd) noexcept;
 

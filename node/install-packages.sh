@@ -3,7 +3,7 @@
 # missing. If all are installed, it needs neither network nor root.
 set -euo pipefail
 
-build=(g++ cmake ninja-build pkg-config ccache libmodbus-dev libgpiod-dev libsystemd-dev libfmt-dev libcli11-dev libtomlplusplus-dev
+build=(g++ cmake ninja-build pkg-config ccache mold libmodbus-dev libgpiod-dev libsystemd-dev libfmt-dev libcli11-dev libtomlplusplus-dev
     libeigen3-dev libceres-dev nlohmann-json3-dev libboost-dev liblz4-dev libzstd-dev libmicrohttpd-dev)
 bridges=(libmosquitto-dev cyclonedds-dev cyclonedds-tools)
 demo=(mbpoll python3)
@@ -13,9 +13,9 @@ tests=(libgtest-dev librapidcheck-dev mbpoll python3 python3-pymodbus python3-se
 browser=(chromium chromium-driver python3-selenium)
 kernel=(qemu-system-x86 busybox-static iproute2 can-utils cpio kmod python3 binutils libelf-dev make gcc xz-utils zstd)
 packaging=(help2man dpkg-dev file)
-# The formatting is checked by this version only, which Debian 13 no longer has; Fast DDS has
+# These check the format and the code by this version only, which Debian 13 no longer has; Fast DDS has
 # another interface there.
-[ "$(. /etc/os-release && echo "${VERSION_ID:-}")" = 13 ] || tests+=(clang-format-14 libfastrtps-dev)
+[ "$(. /etc/os-release && echo "${VERSION_ID:-}")" = 13 ] || tests+=(clang-format-14 clang-tidy-14 libfastrtps-dev)
 command -v node >/dev/null || tests+=(nodejs)
 
 wanted=()

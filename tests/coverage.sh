@@ -7,9 +7,9 @@ cd "$(dirname "$0")/.."
 command -v gcovr >/dev/null || { echo "coverage.sh: apt-get install gcovr" >&2; exit 1; }
 /usr/bin/python3 tests/gcov_as_written_test.py 2>/dev/null || { echo "coverage.sh: gcov_as_written_test.py fails: this compiler's gcov tells other things" >&2; exit 1; }
 cmake --preset coverage >/dev/null
-cmake --build --preset coverage -j "${TESTS_JOBS:-$(nproc)}" --target config_test drivers_test modbus_test node_test tactiled tactilectl follow reader_cxx17 no_memory
+cmake --build --preset coverage -j "${TESTS_JOBS:-$(nproc)}" --target config_test drivers_test modbus_test shm_test threads_test node_test tactiled tactilectl follow reader_cxx17 no_memory
 find build/coverage -name '*.gcda' -delete
-for program in config drivers modbus node; do (cd build/coverage && ./bin/${program}_test >/dev/null); done
+for program in config drivers modbus shm threads node; do (cd build/coverage && ./bin/${program}_test >/dev/null); done
 status=0
 run() {  # FOLDER/NAME of a script, which of its tests
     local log=build/coverage/${1#*/}.log

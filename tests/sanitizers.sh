@@ -1,8 +1,11 @@
 #!/usr/bin/env bash
-# sanitizers.sh: every unit test under address and undefined-behaviour sanitizers; run.sh takes those that read bytes of others.
+# sanitizers.sh [asan|tsan]...: every unit test under a sanitizer; run.sh takes those that read bytes of others or share memory.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 jobs=${TESTS_JOBS:-$(nproc)}
-cmake --preset asan -DTACTILED_TESTS=ON -DTACTILED_NUMBERS_FROM= >/dev/null
-cmake --build --preset asan -j "$jobs" --target unit_tests
-exec ctest --test-dir build/asan -L 'bytes|numbers' -j "$jobs" --output-on-failure
+[ $# != 0 ] || set -- asan tsan
+for preset in "$@"; do
+    cmake --preset "$preset" -DTACTILED_TESTS=ON >/dev/null
+    cmake --build --preset "$preset" -j "$jobs" --target unit_tests
+    ctest --test-dir "build/$preset" -L unit -j "$jobs" --output-on-failure
+done

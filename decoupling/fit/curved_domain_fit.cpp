@@ -1,7 +1,5 @@
 #include "decoupling/fit/curved_domain_fit.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <random>
@@ -36,8 +34,8 @@ constexpr std::size_t kDamagedRows = 500;
 constexpr double kRidge = 1e-3, kLeastVariance = 1e-6;
 
 Eigen::MatrixXd inverse_factor(const Eigen::MatrixXd& covariance) {
-    const Eigen::MatrixXd lower = covariance.llt().matrixL();
-    return lower.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(lower.rows(), lower.cols()));
+    return dense::solve_lower(dense::lower_factor(covariance),
+                              Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
 }
 
 // The surface through some rows, whose channels are less the mean and in units of a quarter of their range.

@@ -8,6 +8,7 @@
 #include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/recursive.hpp"
 #include "decoupling/generic/methods.hpp"
+#include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -30,8 +31,7 @@ Eigen::VectorXd fold_constant(const Eigen::MatrixXd& m, const Eigen::VectorXd& b
     const Eigen::VectorXd length = scaled.rowwise().norm();
     const Eigen::MatrixXd unit_rows = scaled.array().colwise() / length.array();
     const Eigen::VectorXd unit_wanted = wanted.array() / length.array();
-    const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition(unit_rows);
-    const Eigen::VectorXd step = decomposition.solve(unit_wanted);
+    const Eigen::VectorXd step = dense::least_norm_of_one(unit_rows, unit_wanted);
     if (!step.allFinite() ||
         (unit_rows * step - unit_wanted).cwiseAbs().maxCoeff() > 1e-9 * (1 + unit_wanted.cwiseAbs().maxCoeff()))
         throw Undetermined("no zero of the channels makes all forces 0 together: fit fewer components, or more channels");

@@ -12,6 +12,7 @@
 #include "decoupling/fit/corrections.hpp"
 #include "decoupling/fit/mlp_network.hpp"
 #include "decoupling/generic/methods.hpp"
+#include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -49,8 +50,8 @@ struct Axes {
     Eigen::MatrixXd turn;  // columns: axes
     explicit Axes(const Eigen::MatrixXd& u) : mean(u.colwise().mean()) {
         const Eigen::MatrixXd centred = u.rowwise() - mean;
-        const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(centred.transpose() * centred / double(u.rows()));
-        turn = solver.eigenvectors() * solver.eigenvalues().cwiseMax(1).cwiseSqrt().cwiseInverse().asDiagonal();
+        const dense::SymmetricEigen axes = dense::symmetric_eigen(centred.transpose() * centred / double(u.rows()));
+        turn = axes.vectors * axes.values.cwiseMax(1).cwiseSqrt().cwiseInverse().asDiagonal();
     }
     [[nodiscard]] Eigen::MatrixXd of(const Eigen::MatrixXd& u) const { return (u.rowwise() - mean) * turn; }
     // Returns hidden weights for the inputs from those for the axes.

@@ -1,6 +1,5 @@
 #include "decoupling/fit/joint_domain_fit.hpp"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -64,9 +63,8 @@ JointDomain domain_of(const Rows& rows, const std::vector<double>& zero_sd, cons
     covariance += double(std::max<Eigen::Index>(1, response.rows())) * response.transpose() * response;
     covariance.diagonal().array() += kFloor;
     for (Eigen::Index k = 0; k < n; ++k) covariance(k, k) += std::pow(zero_sd[std::size_t(k)] / unit[k], 2);
-    const Eigen::MatrixXd lower = covariance.llt().matrixL();
-    const Eigen::MatrixXd whitening =
-        lower.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(n, n)) * unit.cwiseInverse().asDiagonal();
+    const Eigen::MatrixXd whitening = dense::solve_lower(dense::lower_factor(covariance), Eigen::MatrixXd::Identity(n, n)) *
+                                      unit.cwiseInverse().asDiagonal();
     JointDomain domain;
     for (Eigen::Index i = 0; i < n; ++i) {
         domain.mean.push_back(mean[i] * unit[i]);

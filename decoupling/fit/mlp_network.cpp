@@ -1,4 +1,5 @@
 #include "decoupling/fit/mlp_network.hpp"
+#include "decoupling/solve/dense.hpp"
 
 #include <cmath>
 #include <random>
@@ -120,9 +121,9 @@ bool MlpSolver::step() {
     for (; damping_ < kMaxDamping; damping_ *= growth_, growth_ *= 2) {
         Eigen::MatrixXd damped = hessian;
         damped.diagonal() += damping_ * diagonal;
-        const Eigen::LLT<Eigen::MatrixXd, Eigen::Lower> solver(damped);
-        if (solver.info() != Eigen::Success) continue;
-        const Eigen::VectorXd step = -solver.solve(gradient);
+        const std::optional<Eigen::VectorXd> solved = dense::try_solve_by_llt(damped, gradient);
+        if (!solved) continue;
+        const Eigen::VectorXd step = -*solved;
         MlpNetwork next = network_;
         for (Eigen::Index j = 0; j < m; ++j) next.hidden.row(j) += step.segment(j * n1, n1);
         for (Eigen::Index c = 0; c < components; ++c) next.output.row(c) += step.segment(m * n1 + c * m1, m1);

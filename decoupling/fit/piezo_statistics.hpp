@@ -7,6 +7,7 @@
 
 #include "decoupling/fit/least_squares.hpp"
 #include "decoupling/fit/robust.hpp"
+#include "decoupling/solve/dense.hpp"
 
 namespace tactiled {
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "decoupling/fit/recording_checks.hpp"
+#include "decoupling/solve/dense.hpp"
 
 namespace tactiled {
 namespace {
@@ -161,8 +162,7 @@ bool loads_go_together(const Rows& rows, const std::vector<std::size_t>& compone
     for (std::size_t i = 0; i < loaded.size(); ++i)
         for (std::size_t k = 0; k < loaded.size(); ++k)
             correlation(Eigen::Index(i), Eigen::Index(k)) = y.col(loaded[i]).normalized().dot(y.col(loaded[k]).normalized());
-    return loaded.size() > 1 &&
-           !(Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(correlation).eigenvalues().minCoeff() > kIndependent);
+    return loaded.size() > 1 && !(dense::symmetric_eigen(correlation).values.minCoeff() > kIndependent);
 }
 
 std::optional<SessionMoments> moments_of(const Rows& rows, const std::vector<std::size_t>& components) {

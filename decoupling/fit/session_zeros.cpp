@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "decoupling/fit/validate.hpp"
+#include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -90,9 +91,8 @@ Zeros zeros_of(const Data& data) {
             channel.row(i) = counts * (channel.row(i) - channel_mean.row(Eigen::Index(data.session[std::size_t(i)])));
             label.row(i) = counts * (label.row(i) - label_mean.row(Eigen::Index(data.session[std::size_t(i)])));
         }
-        if (!channel.allFinite()) return zeros;  // a session has lost all of its rows
-        const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> solver(label);
-        const Eigen::MatrixXd gain = solver.solve(channel);  // components x channels
+        if (!channel.allFinite()) return zeros;                          // a session has lost all of its rows
+        const Eigen::MatrixXd gain = dense::least_norm(label, channel);  // components x channels
         const Eigen::RowVectorXd left =
             ((channel - label * gain).colwise().squaredNorm() / double(channel.rows())).cwiseSqrt();
         const bool straight = ((left.array() / data.width.array()) <= kStraight).all();
@@ -140,8 +140,7 @@ double error_of_affine(const Data& data, const Eigen::MatrixXd& channel, const s
         }
         const Eigen::RowVectorXd x_mean = x.colwise().mean(), y_mean = y.colwise().mean();
         const Eigen::MatrixXd scaled = (x.rowwise() - x_mean).array().rowwise() / data.width.array();
-        const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> solver(scaled);
-        const Eigen::MatrixXd slope = solver.solve(y.rowwise() - y_mean);
+        const Eigen::MatrixXd slope = dense::least_norm(scaled, y.rowwise() - y_mean);
         for (const Eigen::Index i : unseen) {
             const Eigen::RowVectorXd error =
                 (channel.row(i) - x_mean).cwiseQuotient(data.width) * slope + y_mean - data.label.row(i);

@@ -124,8 +124,8 @@ std::vector<double> lengths_of(const std::vector<std::vector<double>>& z) {
                     covariance += all.row(i).transpose() * all.row(i);
                     ++count;
                 }
-            const Eigen::LLT<Eigen::MatrixXd> root(covariance / std::max(1.0, count));
-            length = root.matrixL().solve(all.transpose()).colwise().norm().transpose();
+            const Eigen::MatrixXd root = dense::lower_factor(covariance / std::max(1.0, count));
+            length = dense::solve_lower(root, all.transpose()).colwise().norm().transpose();
         }
     return {length.data(), length.data() + n};
 }

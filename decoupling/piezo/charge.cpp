@@ -17,7 +17,7 @@ void ChargeFusion::start(double V, double slow) noexcept {
 // Points that are closer than the ring can hold are skipped; a mean over 128 points loses nothing within the
 // bandwidth of a window.
 void ChargeFusion::keep(double t_s, double film) noexcept {
-    if (held_ > 0 && t_s - ring_[newest_].t_s < window_s_ / (kMax / 2)) return;
+    if (held_ > 0 && t_s - ring_[newest_].t_s < window_s_ / (kMax / 2.0)) return;
     if (held_ > 0) newest_ = (newest_ + 1) % kMax;
     held_ = std::min(held_ + 1, kMax);
     ring_[newest_] = {t_s, film};

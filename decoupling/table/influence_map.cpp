@@ -1,10 +1,10 @@
 // The spline runs along whole diameters, with ring -i at an angle being ring +i across the centre, and around each
 // ring with the period of the circle. The centre is therefore a point like any other.
 #include "decoupling/table/influence_map.hpp"
+#include "decoupling/solve/dense.hpp"
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 
@@ -35,7 +34,7 @@ Solution solve(const Matrix& a, const Numbers& b) {
     const Numbers left = a * s.x - b;
     const double variance = left.squaredNorm() / double(a.rows() - a.cols());
     s.residual = std::sqrt(variance);
-    s.sd = ((a.transpose() * a).inverse().diagonal() * variance).cwiseSqrt();
+    s.sd = (dense::inverse(a.transpose() * a).diagonal() * variance).cwiseSqrt();
     return s;
 }
 

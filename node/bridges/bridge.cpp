@@ -7,7 +7,6 @@
 #include <ctime>
 
 #include "node/ctl/command_line.hpp"
-#include "node/ctl/verb.hpp"
 
 namespace tactiled::bridges {
 namespace {
@@ -23,13 +22,13 @@ std::string text_of(const Follower& follower, const Counts& counts, const std::s
 
 }  // namespace
 
-void add_common_options(CLI::App& app, Common& common) {
-    app.set_version_flag("--version", TACTILED_VERSION);
-    ctl::add_node_option(&app, common.node);
+void add_common_options(ctl::Command app, Common& common) {
+    app.version(TACTILED_VERSION);
+    ctl::add_node_option(app, common.node);
     app.add_option("--sensor", common.sensors, "name of a sensor; again for more; default: all of the node");
     app.add_option("--rate-Hz", common.rate_Hz, "messages of a sensor in a second at most; 0: every sample")
-        ->check(ctl::number_in(0, 10000))
-        ->capture_default_str();
+        .number_in(0, 10000)
+        .show_default();
 }
 
 std::string topic_word(const std::string& name) {

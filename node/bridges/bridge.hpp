@@ -6,8 +6,8 @@
 
 #include "node/bridges/follower.hpp"
 
-namespace CLI {
-class App;
+namespace tactiled::ctl {
+class Command;
 }
 
 namespace tactiled::bridges {
@@ -18,7 +18,7 @@ struct Common {
     double rate_Hz = 0;                // messages of a sensor at most; 0: every sample
 };
 // Adds --version, --node, --runtime-dir, --sensor and --rate-Hz.
-void add_common_options(CLI::App& app, Common& common);
+void add_common_options(ctl::Command app, Common& common);
 
 // A name as a level of a topic: letters, digits and underscores, not beginning with a digit.
 std::string topic_word(const std::string& name);

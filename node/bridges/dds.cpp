@@ -7,7 +7,6 @@
 #include "node/bridges/bridge.hpp"
 #include "node/bridges/dds_domain.hpp"
 #include "node/ctl/command_line.hpp"
-#include "node/ctl/verb.hpp"
 
 namespace tactiled::bridges::dds {
 namespace {
@@ -152,17 +151,17 @@ private:
 int main(int argc, char** argv) {
     using namespace tactiled;
     using namespace tactiled::bridges;
-    CLI::App app{
+    ctl::Program app{
         "Publishes forces of a tactiled daemon as topics of ROS 2 (geometry_msgs/WrenchStamped by DDS), without ROS.",
         "tactiled-dds"};
     dds::Args args;
     add_common_options(app, args.common);
-    app.add_option("--domain", args.domain.domain, "as ROS_DOMAIN_ID")->check(CLI::Range(0, 232))->capture_default_str();
+    app.add_option("--domain", args.domain.domain, "as ROS_DOMAIN_ID").integer_in(0, 232).show_default();
     app.add_option(
         "--network", args.domain.network,
         "name or address of the network interface; default: the loopback, for ROS nodes with ROS_LOCALHOST_ONLY=1");
     app.add_option("--name", args.name, "first part of the topics NAME/SENSOR/wrench; default: the node's name")
-        ->check([](const std::string& name) {
+        .check([](const std::string& name) {
             return name == bridges::topic_word(name) ? std::string() : "letters, digits and underscores, not first a digit";
         });
     app.add_option("--frame-prefix", args.frame_prefix, "put before the sensor's name in header.frame_id");

@@ -10,7 +10,6 @@
 #include "node/bridges/mqtt_broker.hpp"
 #include "node/bridges/mqtt_message.hpp"
 #include "node/ctl/command_line.hpp"
-#include "node/ctl/verb.hpp"
 
 namespace tactiled::bridges::mqtt {
 namespace {
@@ -186,23 +185,21 @@ private:
 int main(int argc, char** argv) {
     using namespace tactiled;
     using namespace tactiled::bridges;
-    CLI::App app{"Publishes forces, qualities and the grasp of a tactiled daemon as JSON to an MQTT broker.",
-                 "tactiled-mqtt"};
+    ctl::Program app{"Publishes forces, qualities and the grasp of a tactiled daemon as JSON to an MQTT broker.",
+                     "tactiled-mqtt"};
     mqtt::Args args;
     args.common.rate_Hz = 10;
     add_common_options(app, args.common);
-    app.add_option("--broker", args.broker.host, "name or address of the broker")->capture_default_str();
-    app.add_option("--port", args.broker.port, "default: 1883, with TLS 8883")->check(CLI::Range(1, 65535));
-    app.add_option("--prefix", args.prefix, "first level of every topic")->capture_default_str();
+    app.add_option("--broker", args.broker.host, "name or address of the broker").show_default();
+    app.add_option("--port", args.broker.port, "default: 1883, with TLS 8883").integer_in(1, 65535);
+    app.add_option("--prefix", args.prefix, "first level of every topic").show_default();
     app.add_option("--deadband-N", args.deadband_N, "a force that moved by less is not sent; 0: each is")
-        ->check(ctl::number_in(0, 1e6))
-        ->capture_default_str();
-    app.add_option("--deadband-Nm", args.deadband_Nm, "the same of torques")
-        ->check(ctl::number_in(0, 1e6))
-        ->capture_default_str();
+        .number_in(0, 1e6)
+        .show_default();
+    app.add_option("--deadband-Nm", args.deadband_Nm, "the same of torques").number_in(0, 1e6).show_default();
     app.add_option("--refresh-s", args.refresh_s, "a value that does not move is sent again after this time")
-        ->check(ctl::number_in(0.1, 3600))
-        ->capture_default_str();
+        .number_in(0.1, 3600)
+        .show_default();
     app.add_option("--discovery", args.discovery, "announces the sensors below this topic, as Home Assistant finds them");
     app.add_option("--user", args.broker.user, "name at the broker");
     app.add_option("--password-file", args.password_file, "file with the password");

@@ -17,7 +17,6 @@
 #include "node/bridges/bridge.hpp"
 #include "node/bridges/rdt_packet.hpp"
 #include "node/ctl/command_line.hpp"
-#include "node/ctl/verb.hpp"
 #include "node/modbus/allow_list.hpp"
 
 namespace tactiled::bridges::rdt {
@@ -309,24 +308,23 @@ private:
 int main(int argc, char** argv) {
     using namespace tactiled;
     using namespace tactiled::bridges;
-    CLI::App app{"Sends forces of a tactiled daemon by UDP, as an ATI Net F/T does (RDT). A value that is BAD is not sent.",
-                 "tactiled-rdt"};
+    ctl::Program app{
+        "Sends forces of a tactiled daemon by UDP, as an ATI Net F/T does (RDT). A value that is BAD is not sent.",
+        "tactiled-rdt"};
     rdt::Args args;
     add_common_options(app, args.common);
     app.add_option("--listen", args.listen, "ADDRESS:PORT of a sensor's stream; again for each further --sensor")
-        ->capture_default_str();
+        .show_default();
     app.add_option("--allow", args.allow, "ADDRESS/BITS of clients; needed beyond the loopback");
     app.add_option("--zero", args.zero, "axes that the sensor does not measure and that are sent as 0, such as mx,my,mz")
-        ->delimiter(',')
-        ->check(CLI::IsMember({"fx", "fy", "fz", "mx", "my", "mz"}));
+        .delimiter(',')
+        .one_of({"fx", "fy", "fz", "mx", "my", "mz"});
     app.add_flag("--good-only", args.good_only, "sends nothing while a value is uncertain, either");
     app.add_flag("--bias", args.bias, "lets a client set the zero of its own stream; the daemon's values stay as they are");
     app.add_option("--counts-per-N", args.scale.counts_per_N, "scale of the forces, as the client expects it")
-        ->check(ctl::number_in(1, 1e9))
-        ->capture_default_str();
-    app.add_option("--counts-per-Nm", args.scale.counts_per_Nm, "scale of the torques")
-        ->check(ctl::number_in(1, 1e9))
-        ->capture_default_str();
+        .number_in(1, 1e9)
+        .show_default();
+    app.add_option("--counts-per-Nm", args.scale.counts_per_Nm, "scale of the torques").number_in(1, 1e9).show_default();
     app.footer(
         "Examples:\n"
         "  tactiled-rdt --sensor wrist                            six axes, for clients on this machine\n"

@@ -37,20 +37,20 @@ std::vector<std::string> undetected_loads(const SensorSettings& sensor, const st
 
 }  // namespace
 
-void add_check(CLI::App& app, Run& run) {
+void add_check(Command program, Run& run) {
     struct Args {
         std::string path;
         bool keys = false;
     };
     auto args = std::make_shared<Args>();
-    auto* verb =
-        add_verb(app, "check", "Checks a configuration and its calibrations; prints every error in them, and what is unsafe",
-                 "  tactilectl check my.toml\n  tactilectl check --keys\n");
-    auto* file = verb->add_option("file", args->path, "the configuration");
-    verb->add_flag("--keys", args->keys, "print every key with its unit, range and default instead, as Markdown")
-        ->excludes(file);
-    verb->callback([args, &run] {
-        if (args->path.empty() && !args->keys) throw CLI::RequiredError("file");
+    Command verb = add_verb(program, "check",
+                            "Checks a configuration and its calibrations; prints every error in them, and what is unsafe",
+                            "  tactilectl check my.toml\n  tactilectl check --keys\n");
+    const Option file = verb.add_option("file", args->path, "the configuration");
+    verb.add_flag("--keys", args->keys, "print every key with its unit, range and default instead, as Markdown")
+        .excludes(file);
+    verb.callback([args, &run] {
+        if (args->path.empty() && !args->keys) refuse_missing("file");
         run = [args] {
             if (args->keys) {
                 fmt::print("{}", keys_markdown());

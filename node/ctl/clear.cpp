@@ -28,18 +28,18 @@ int clear(const std::string& node, double timeout_s) {
 
 }  // namespace
 
-void add_clear(CLI::App& app, Run& run) {
+void add_clear(Command program, Run& run) {
     struct Args {
         std::string node = "gripper";
         double timeout_s = 5;
     };
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "clear", "Clears latched faults and slip latches", "  tactilectl clear\n");
+    Command verb = add_verb(program, "clear", "Clears latched faults and slip latches", "  tactilectl clear\n");
     add_node_option(verb, args->node);
-    verb->add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's answer")
-        ->check(number_in(0.1, 60.0))
-        ->capture_default_str();
-    verb->callback([args, &run] { run = [args] { return clear(args->node, args->timeout_s); }; });
+    verb.add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's answer")
+        .number_in(0.1, 60.0)
+        .show_default();
+    verb.callback([args, &run] { run = [args] { return clear(args->node, args->timeout_s); }; });
 }
 
 }  // namespace tactiled::ctl

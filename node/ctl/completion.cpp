@@ -46,16 +46,15 @@ std::string script(const std::string& shell, const std::vector<std::string>& ver
 
 }  // namespace
 
-void add_completion(CLI::App& app, Run& run) {
+void add_completion(Command program, Run& run) {
     auto shell = std::make_shared<std::string>();
-    auto* verb = add_verb(app, "completion", "Prints a script that completes verbs, options and sensors in bash or zsh",
-                          "  source <(tactilectl completion bash)\n");
-    verb->add_option("shell", *shell, "bash or zsh")->required()->check(CLI::IsMember({"bash", "zsh"}));
-    verb->callback([&app, &run, shell] {
-        run = [&app, shell] {
-            std::vector<std::string> verbs;
-            for (const CLI::App* each : app.get_subcommands({})) verbs.push_back(each->get_name());
-            fmt::print("{}", script(*shell, verbs));
+    Command verb =
+        add_verb(program, "completion", "Prints a script that completes verbs, options and sensors in bash or zsh",
+                 "  source <(tactilectl completion bash)\n");
+    verb.add_option("shell", *shell, "bash or zsh").required().one_of({"bash", "zsh"});
+    verb.callback([program, &run, shell] {
+        run = [program, shell] {
+            fmt::print("{}", script(*shell, program.verbs()));
             return kGood;
         };
     });

@@ -110,19 +110,19 @@ nlohmann::json as_json(const Findings& found, bool good) {
 
 }  // namespace
 
-void add_doctor(CLI::App& app, Run& run) {
+void add_doctor(Command program, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "doctor",
-                          "Checks what on this machine can delay the daemon (rights, kernel, processors, clock, devices) "
-                          "and what in its configuration is unsafe; exit status 1 when something is wrong",
-                          "  tactilectl doctor --config my.toml\n");
-    verb->add_option("--config", args->config, "the daemon's configuration")->capture_default_str();
-    verb->add_option("--user", args->user,
-                     "the daemon's user; default: the running daemon's, else tactiled, else the caller");
-    verb->add_option("--pid", args->pid, "the daemon; default: the one that runs under the configuration's name");
-    verb->add_option("--root", args->root, "the folder of another machine's /proc, /sys, /dev and /etc");
-    verb->add_flag("--json", args->json, "one JSON object");
-    verb->callback([args, &run] {
+    Command verb = add_verb(program, "doctor",
+                            "Checks what on this machine can delay the daemon (rights, kernel, processors, clock, devices) "
+                            "and what in its configuration is unsafe; exit status 1 when something is wrong",
+                            "  tactilectl doctor --config my.toml\n");
+    verb.add_option("--config", args->config, "the daemon's configuration").show_default();
+    verb.add_option("--user", args->user,
+                    "the daemon's user; default: the running daemon's, else tactiled, else the caller");
+    verb.add_option("--pid", args->pid, "the daemon; default: the one that runs under the configuration's name");
+    verb.add_option("--root", args->root, "the folder of another machine's /proc, /sys, /dev and /etc");
+    verb.add_flag("--json", args->json, "one JSON object");
+    verb.callback([args, &run] {
         run = [args] {
             const Findings found = examine(*args);
             const bool good =

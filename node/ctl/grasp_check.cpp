@@ -186,21 +186,18 @@ int check(const Args& args) {
 
 }  // namespace
 
-void add_grasp_check(CLI::App& app, Run& run) {
+void add_grasp_check(Command program, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "grasp-check",
-                          "Finds errors of [grasp] in a guided grasp of a known weight, and prints the lines that are right",
-                          "  tactilectl grasp-check 0.250     with an object of 250 g\n");
-    verb->add_option("mass", args->mass_kg, "mass of the object in kg")->required()->check(number_in(1e-3, 1000.0));
+    Command verb =
+        add_verb(program, "grasp-check",
+                 "Finds errors of [grasp] in a guided grasp of a known weight, and prints the lines that are right",
+                 "  tactilectl grasp-check 0.250     with an object of 250 g\n");
+    verb.add_option("mass", args->mass_kg, "mass of the object in kg").required().number_in(1e-3, 1000.0);
     add_node_option(verb, args->node);
-    verb->add_option("--config", args->config, "the configuration; default: the daemon's own");
-    verb->add_option("--tilt", args->tilt_deg, "degrees of the tilt")
-        ->check(number_in(kLeastTilt_deg, 60.0))
-        ->capture_default_str();
-    verb->add_option("--seconds", args->seconds, "that each step is averaged")
-        ->check(number_in(0.1, 60.0))
-        ->capture_default_str();
-    verb->callback([args, &run] { run = [args] { return check(*args); }; });
+    verb.add_option("--config", args->config, "the configuration; default: the daemon's own");
+    verb.add_option("--tilt", args->tilt_deg, "degrees of the tilt").number_in(kLeastTilt_deg, 60.0).show_default();
+    verb.add_option("--seconds", args->seconds, "that each step is averaged").number_in(0.1, 60.0).show_default();
+    verb.callback([args, &run] { run = [args] { return check(*args); }; });
 }
 
 }  // namespace tactiled::ctl

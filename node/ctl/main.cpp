@@ -1,16 +1,15 @@
 // tactilectl: the program for users. Each verb is one file.
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/laboratory.hpp"
-#include "node/ctl/verb.hpp"
 #include "node/ctl/verb_first.hpp"
 
 namespace {
 
 // The verbs of tactilectl-lab, for --help. main() starts that program before these could be parsed.
-void list_laboratory(CLI::App& app, tactiled::ctl::Run&) {
+void list_laboratory(tactiled::ctl::Command program, tactiled::ctl::Run&) {
     using namespace tactiled::ctl;
     for (const LaboratoryVerb& verb : kLaboratoryVerbs)
-        add_verb(app, verb.name, verb.help)->group("Laboratory (package tactiled-lab)");
+        add_verb(program, verb.name, verb.help).in_group("Laboratory (package tactiled-lab)");
 }
 
 }  // namespace

@@ -10,25 +10,23 @@
 
 namespace tactiled::ctl {
 
-void add_map(CLI::App& app, Run& run) {
+void add_map(Command program, Run& run) {
     struct Args {
         std::string format = "md";
         bool json = false;
         unsigned sensors = 2;
     };
     auto args = std::make_shared<Args>();
-    auto* verb =
-        add_verb(app, "map", "The Modbus register map",
+    Command verb =
+        add_verb(program, "map", "The Modbus register map",
                  "  tactilectl map --format csv > map.csv\n  tactilectl map --format st --sensors 2 > tactiled.st\n");
-    verb->add_option("--format", args->format,
-                     "md: Markdown; csv: a row a register; st: IEC 61131-3 structured text; man: manual page")
-        ->check(CLI::IsMember({"md", "csv", "st", "man"}))
-        ->capture_default_str();
-    verb->add_flag("--json", args->json, "the same rows as csv, as JSON");
-    verb->add_option("--sensors", args->sensors, "st: how many sensors to unpack")
-        ->check(CLI::Range(1, 16))
-        ->capture_default_str();
-    verb->callback([&run, args] {
+    verb.add_option("--format", args->format,
+                    "md: Markdown; csv: a row a register; st: IEC 61131-3 structured text; man: manual page")
+        .one_of({"md", "csv", "st", "man"})
+        .show_default();
+    verb.add_flag("--json", args->json, "the same rows as csv, as JSON");
+    verb.add_option("--sensors", args->sensors, "st: how many sensors to unpack").integer_in(1, 16).show_default();
+    verb.callback([&run, args] {
         run = [args] {
             const std::string text = args->json              ? map_json()
                                      : args->format == "csv" ? map_csv()

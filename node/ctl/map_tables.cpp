@@ -27,7 +27,7 @@ const char* type_text(Type type) {
 }
 
 unsigned size_of(const Register& r) { return r.type == Type::i32 || r.type == Type::f32 ? 2 : 1; }
-bool is_block(const Area& area) { return area.at != 0 && area.registers.size() != 0 && area.registers.front().at < area.at; }
+bool is_block(const Area& area) { return area.at != 0 && !area.registers.empty() && area.registers.front().at < area.at; }
 unsigned address_of(const Area& area, const Register& r) { return is_block(area) ? area.at + r.at : r.at; }
 bool is_holding_only(const Area& area) { return area.block == Block::controls || area.block == Block::scratch; }
 

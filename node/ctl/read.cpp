@@ -113,23 +113,23 @@ int read(const Args& args) {
 
 }  // namespace
 
-void add_read(CLI::App& app, Run& run) {
+void add_read(Command program, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "read", "The newest sample of a sensor, or all of them as they come",
-                          "  tactilectl read left\n  tactilectl read left --follow --csv --count 1000 > forces.csv\n");
-    verb->add_option("sensor", args->sensor, "name of the sensor")->required();
+    Command verb = add_verb(program, "read", "The newest sample of a sensor, or all of them as they come",
+                            "  tactilectl read left\n  tactilectl read left --follow --csv --count 1000 > forces.csv\n");
+    verb.add_option("sensor", args->sensor, "name of the sensor").required();
     add_node_option(verb, args->node);
-    verb->add_flag("--follow", args->follow, "every sample, as they come");
-    verb->add_flag("--csv", args->csv, "columns of forces.csv");
-    verb->add_flag("--json", args->json, "one JSON object a line");
-    verb->add_flag("--raw", args->raw, "before tare (text and CSV; JSON has both)");
-    verb->add_option("--count", args->count, "with --follow: end after so many")
-        ->check(CLI::Range(1L, 1'000'000'000L))
-        ->needs("--follow");
-    verb->add_option("--timeout", args->timeout_s, "with --follow: seconds without a sample before giving up; 0 never")
-        ->check(CLI::NonNegativeNumber)
-        ->capture_default_str();
-    verb->callback([args, &run] { run = [args] { return read(*args); }; });
+    verb.add_flag("--follow", args->follow, "every sample, as they come");
+    verb.add_flag("--csv", args->csv, "columns of forces.csv");
+    verb.add_flag("--json", args->json, "one JSON object a line");
+    verb.add_flag("--raw", args->raw, "before tare (text and CSV; JSON has both)");
+    verb.add_option("--count", args->count, "with --follow: end after so many")
+        .integer_in(1L, 1'000'000'000L)
+        .needs("--follow");
+    verb.add_option("--timeout", args->timeout_s, "with --follow: seconds without a sample before giving up; 0 never")
+        .not_negative()
+        .show_default();
+    verb.callback([args, &run] { run = [args] { return read(*args); }; });
 }
 
 }  // namespace tactiled::ctl

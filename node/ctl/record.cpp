@@ -297,27 +297,27 @@ int record(const Args& args) {
 
 }  // namespace
 
-void add_record(CLI::App& app, Run& run) {
+void add_record(Command program, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "record", "All frames and samples into an MCAP file, until Ctrl-C or the daemon's end",
-                          "  tactilectl record pick.mcap --seconds 10\n");
-    verb->add_option("file", args->file, "such as pick.mcap; forces as geometry_msgs/WrenchStamped beside the whole samples")
-        ->required();
+    Command verb = add_verb(program, "record", "All frames and samples into an MCAP file, until Ctrl-C or the daemon's end",
+                            "  tactilectl record pick.mcap --seconds 10\n");
+    verb.add_option("file", args->file, "such as pick.mcap; forces as geometry_msgs/WrenchStamped beside the whole samples")
+        .required();
     add_node_option(verb, args->node);
-    verb->add_option("--seconds", args->seconds, "end after so long; 0: not by itself")->check(CLI::NonNegativeNumber);
-    verb->add_option("--config", args->config, "the configuration to keep in the file; default: the daemon's own");
-    verb->add_option("--compression", args->compression, "of the chunks: none, lz4 or zstd")
-        ->check(CLI::IsMember({"none", "lz4", "zstd"}))
-        ->capture_default_str();
-    verb->add_flag("--csv", args->csv, "beside FILE.mcap the forces of each sensor, as FILE.SENSOR.csv");
-    verb->add_option("--flush-ms", args->flush_ms,
-                     "a chunk is written at least this often; the last one is lost if the program is killed, and more after "
-                     "a power cut")
-        ->check(CLI::Range(100, 1000))
-        ->capture_default_str();
-    verb->add_flag("--overwrite", args->overwrite, "replace a file that is there");
-    verb->add_flag("--json", args->json, "say at the end as JSON what was recorded");
-    verb->callback([args, &run] { run = [args] { return record(*args); }; });
+    verb.add_option("--seconds", args->seconds, "end after so long; 0: not by itself").not_negative();
+    verb.add_option("--config", args->config, "the configuration to keep in the file; default: the daemon's own");
+    verb.add_option("--compression", args->compression, "of the chunks: none, lz4 or zstd")
+        .one_of({"none", "lz4", "zstd"})
+        .show_default();
+    verb.add_flag("--csv", args->csv, "beside FILE.mcap the forces of each sensor, as FILE.SENSOR.csv");
+    verb.add_option("--flush-ms", args->flush_ms,
+                    "a chunk is written at least this often; the last one is lost if the program is killed, and more after "
+                    "a power cut")
+        .integer_in(100, 1000)
+        .show_default();
+    verb.add_flag("--overwrite", args->overwrite, "replace a file that is there");
+    verb.add_flag("--json", args->json, "say at the end as JSON what was recorded");
+    verb.callback([args, &run] { run = [args] { return record(*args); }; });
 }
 
 }  // namespace tactiled::ctl

@@ -79,17 +79,18 @@ int tare(const Args& args) {
 
 }  // namespace
 
-void add_tare(CLI::App& app, Run& run) {
+void add_tare(Command program, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "tare", "Sets the zero of a sensor to its present reading; the raw force stays readable",
-                          "  tactilectl tare left\n  tactilectl tare all --remove\n");
-    verb->add_option("sensor", args->sensor, "name of the sensor, or all")->required();
+    Command verb =
+        add_verb(program, "tare", "Sets the zero of a sensor to its present reading; the raw force stays readable",
+                 "  tactilectl tare left\n  tactilectl tare all --remove\n");
+    verb.add_option("sensor", args->sensor, "name of the sensor, or all").required();
     add_node_option(verb, args->node);
-    verb->add_flag("--remove", args->remove, "back to the calibration's zero");
-    verb->add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's answer")
-        ->check(number_in(0.1, 60.0))
-        ->capture_default_str();
-    verb->callback([args, &run] { run = [args] { return tare(*args); }; });
+    verb.add_flag("--remove", args->remove, "back to the calibration's zero");
+    verb.add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's answer")
+        .number_in(0.1, 60.0)
+        .show_default();
+    verb.callback([args, &run] { run = [args] { return tare(*args); }; });
 }
 
 }  // namespace tactiled::ctl

@@ -200,25 +200,25 @@ int run_teach(const Args& args) {
 
 }  // namespace
 
-void add_teach(CLI::App& app, Run& run) {
+void add_teach(Command program, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "teach", "Learns the mass of an object from real grasps, so that the daemon recognises it",
-                          "  tactilectl teach bolt\n  tactilectl teach --list\n");
-    auto* what = verb->add_option_group("what");
-    what->add_option("name", args->name, "the object's name")->check([](const std::string& name) {
+    Command verb =
+        add_verb(program, "teach", "Learns the mass of an object from real grasps, so that the daemon recognises it",
+                 "  tactilectl teach bolt\n  tactilectl teach --list\n");
+    Command what = verb.add_group_of_which_one_is_needed("what");
+    what.add_option("name", args->name, "the object's name").check([](const std::string& name) {
         return valid_name(name) ? std::string() : std::string(kValidName);
     });
-    what->add_flag("--list", args->list, "list the taught objects");
-    what->add_option("--forget", args->forget, "removes an object");
-    what->add_flag("--reload", args->reload, "the daemon reads the file again, after it was edited by hand");
-    what->require_option(1);
+    what.add_flag("--list", args->list, "list the taught objects");
+    what.add_option("--forget", args->forget, "removes an object");
+    what.add_flag("--reload", args->reload, "the daemon reads the file again, after it was edited by hand");
     add_node_option(verb, args->node);
-    verb->add_option("--count", args->count, "grasps to learn from")->check(CLI::Range(1, 1000))->capture_default_str();
-    verb->add_option("--timeout", args->timeout_s, "seconds without a new stable weight before giving up")
-        ->check(number_in(0.1, 86400.0))
-        ->capture_default_str();
-    verb->add_flag("--json", args->json, "one JSON object");
-    verb->callback([args, &run] { run = [args] { return run_teach(*args); }; });
+    verb.add_option("--count", args->count, "grasps to learn from").integer_in(1, 1000).show_default();
+    verb.add_option("--timeout", args->timeout_s, "seconds without a new stable weight before giving up")
+        .number_in(0.1, 86400.0)
+        .show_default();
+    verb.add_flag("--json", args->json, "one JSON object");
+    verb.callback([args, &run] { run = [args] { return run_teach(*args); }; });
 }
 
 }  // namespace tactiled::ctl

@@ -115,22 +115,20 @@ int fit(const Args& args) {
 
 }  // namespace
 
-void add_tool_fit(CLI::App& app, Run& run) {
+void add_tool_fit(Command program, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb =
-        add_verb(app, "tool-fit",
+    Command verb =
+        add_verb(program, "tool-fit",
                  "Measures the mass and the centre of the hand that the sensors of [tool] carry, in poses that you choose",
                  "  tactilectl tool-fit --poses 8\n");
     add_node_option(verb, args->node);
-    verb->add_option("--config", args->config, "the configuration; default: the daemon's own");
-    verb->add_option("--poses", args->poses, "how many, of orientations as different as possible")
-        ->check(CLI::Range(unsigned(tool::kMinPoses), 100u))
-        ->capture_default_str();
-    verb->add_option("--seconds", args->seconds, "that each pose is averaged")
-        ->check(number_in(0.1, 60.0))
-        ->capture_default_str();
-    verb->add_flag("--ask-gravity", args->ask_gravity, "asks for gravity in each pose, where no robot reports it");
-    verb->callback([args, &run] { run = [args] { return fit(*args); }; });
+    verb.add_option("--config", args->config, "the configuration; default: the daemon's own");
+    verb.add_option("--poses", args->poses, "how many, of orientations as different as possible")
+        .integer_in(tool::kMinPoses, 100)
+        .show_default();
+    verb.add_option("--seconds", args->seconds, "that each pose is averaged").number_in(0.1, 60.0).show_default();
+    verb.add_flag("--ask-gravity", args->ask_gravity, "asks for gravity in each pose, where no robot reports it");
+    verb.callback([args, &run] { run = [args] { return fit(*args); }; });
 }
 
 }  // namespace tactiled::ctl

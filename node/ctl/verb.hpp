@@ -8,11 +8,6 @@
 #include <span>
 #include <string>
 
-namespace CLI {
-class App;
-class Validator;
-}  // namespace CLI
-
 namespace tactiled::ctl {
 
 // Exit status of every verb.
@@ -25,42 +20,26 @@ inline constexpr int kNotReachable = 3;  // no daemon of that name
 // after parsing. An exception of `run` (std::exception) is printed as an error, with exit status kUsage for
 // SetupError, else kUnhealthy.
 using Run = std::function<int()>;
-using AddVerb = void (*)(CLI::App& app, Run& run);
+class Command;
+using AddVerb = void (*)(Command program, Run& run);
 
-void add_status(CLI::App& app, Run& run);
-void add_top(CLI::App& app, Run& run);
-void add_read(CLI::App& app, Run& run);
-void add_record(CLI::App& app, Run& run);
-void add_replay(CLI::App& app, Run& run);
-void add_tare(CLI::App& app, Run& run);
-void add_clear(CLI::App& app, Run& run);
-void add_weigh(CLI::App& app, Run& run);
-void add_teach(CLI::App& app, Run& run);
-void add_tool_fit(CLI::App& app, Run& run);
-void add_grasp_check(CLI::App& app, Run& run);
-void add_map(CLI::App& app, Run& run);
-void add_completion(CLI::App& app, Run& run);
-void add_doctor(CLI::App& app, Run& run);
-void add_check(CLI::App& app, Run& run);
+void add_status(Command program, Run& run);
+void add_top(Command program, Run& run);
+void add_read(Command program, Run& run);
+void add_record(Command program, Run& run);
+void add_replay(Command program, Run& run);
+void add_tare(Command program, Run& run);
+void add_clear(Command program, Run& run);
+void add_weigh(Command program, Run& run);
+void add_teach(Command program, Run& run);
+void add_tool_fit(Command program, Run& run);
+void add_grasp_check(Command program, Run& run);
+void add_map(Command program, Run& run);
+void add_completion(Command program, Run& run);
+void add_doctor(Command program, Run& run);
+void add_check(Command program, Run& run);
 
 // ---- shared by several verbs ----
-
-// Parses the arguments into `app`, calls `run`, prints its exceptions after the program's name, and returns the exit
-// status.
-int run_program(CLI::App& app, int argc, char** argv, const Run& run);
-// Does the same for a program of several verbs that users call tactilectl. The first word is the verb
-// (verb_first.hpp). For an unknown verb the error names the most similar one.
-int run_verb(int argc, char** argv, std::span<const AddVerb> verbs);
-
-// add_subcommand(), compiled only in verb.cpp, because it needs most of CLI11. `examples` are command lines, one per
-// line, that --help shows before the exit statuses.
-CLI::App* add_verb(CLI::App& app, const std::string& name, const std::string& help, const std::string& examples = "");
-
-// Accepts a number from `min` to `max`. CLI::Range accepts nan.
-CLI::Validator number_in(double min, double max);
-
-// Adds --node NAME, which selects the daemon.
-void add_node_option(CLI::App* verb, std::string& node_name);
 
 // Words of the reasons, from bit 0 on.
 inline constexpr std::array<const char*, 23> kReasonWords{
@@ -76,6 +55,10 @@ std::string quality_text(std::uint32_t quality, std::uint32_t reasons);
 bool wants_colour();
 // Returns `text` in green, yellow or red for GOOD, UNCERTAIN and BAD, if wants_colour().
 std::string coloured(std::uint32_t quality, const std::string& text);
+
+// Returns `status`, or kUnhealthy if a write to the standard output failed, which is printed after the name of the
+// program. `known_error`: errno of the failed write, 0 if none is known.
+int flush_output(const std::string& program, int status, int known_error = 0);
 
 // Ends a verb that runs continuously: set by SIGINT and SIGTERM.
 extern volatile std::sig_atomic_t interrupted;

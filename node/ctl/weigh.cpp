@@ -99,30 +99,31 @@ int weigh(const Args& args, const std::string& what) {
 
 }  // namespace
 
-void add_weigh(CLI::App& app, Run& run) {
+void add_weigh(Command program, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "weigh", "Starts, stops, zeroes or scales the weighing of what the gripper holds",
-                          "  tactilectl weigh known 0.250     250 g hang now\n  tactilectl weigh zero\n");
-    verb->require_subcommand(1);
+    Command verb = add_verb(program, "weigh", "Starts, stops, zeroes or scales the weighing of what the gripper holds",
+                            "  tactilectl weigh known 0.250     250 g hang now\n  tactilectl weigh zero\n");
+    verb.require_verb();
     add_node_option(verb, args->node);  // accepted before the second word, too
     const auto add = [&](const char* name, const char* help) {
-        auto* sub = add_verb(*verb, name, help);
+        Command sub = add_verb(verb, name, help);
         add_node_option(sub, args->node);
-        sub->add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's answer")
-            ->check(number_in(0.1, 60.0))
-            ->capture_default_str();
-        sub->callback([args, name, &run] { run = [args, name] { return weigh(*args, name); }; });
+        sub.add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's answer")
+            .number_in(0.1, 60.0)
+            .show_default();
+        sub.callback([args, name, &run] { run = [args, name] { return weigh(*args, name); }; });
         return sub;
     };
     add("start", "Weighs from now on, in any state of the grasp");
     add("stop", "Stops weighing");
     add("zero", "Tares the stable weight, until this grasp ends");
     add("forget", "Removes the scale of a known weight");
-    auto* known = add("known",
-                      "Sets the scale: the stable load weighs MASS, has no tare, and read as at most 5 % of it in the grip "
-                      "before its lift");
-    known->add_option("mass", args->mass_kg, "its mass in kg")->required()->check(number_in(1e-6, 1000.0));
-    known->add_flag("--force", args->force, "also where MASS differs by more than 20 % from the present weight");
+    Command known =
+        add("known",
+            "Sets the scale: the stable load weighs MASS, has no tare, and read as at most 5 % of it in the grip "
+            "before its lift");
+    known.add_option("mass", args->mass_kg, "its mass in kg").required().number_in(1e-6, 1000.0);
+    known.add_flag("--force", args->force, "also where MASS differs by more than 20 % from the present weight");
 }
 
 }  // namespace tactiled::ctl

@@ -238,52 +238,52 @@ int calibrate(Settings settings) {
 
 }  // namespace
 
-void add_calibrate(CLI::App& app, Run& run) {
+void add_calibrate(Command program, Run& run) {
     auto settings = std::make_shared<Settings>();
     settings->request.channel_unit.clear();
-    auto* verb =
-        add_verb(app, "calibrate", laboratory_help("calibrate"),
+    Command verb =
+        add_verb(program, "calibrate", laboratory_help("calibrate"),
                  "  tactilectl calibrate --model generic --in labelled.csv --out my_sensor.toml --report fit.html\n");
-    verb->add_option("--model", settings->request.model, fmt::format("{}", fmt::join(model_names(), ", ")))->required();
-    verb->add_option("--method", settings->request.method,
-                     "of the model; its first if not given; auto: all that the rows determine");
-    verb->add_option("--set", settings->set, "a parameter that is known: NAME=NUMBER, e.g. area_m2=3e-5")->take_all();
-    verb->add_option("--forget", settings->forget,
-                     "method matrix of model generic: row i of N counts this to the power N - i; 0.999: the last 1000 rows")
-        ->check(number_in(0.5, 1.0));
+    verb.add_option("--model", settings->request.model, fmt::format("{}", fmt::join(model_names(), ", "))).required();
+    verb.add_option("--method", settings->request.method,
+                    "of the model; its first if not given; auto: all that the rows determine");
+    verb.add_option("--set", settings->set, "a parameter that is known: NAME=NUMBER, e.g. area_m2=3e-5").take_all();
+    verb.add_option("--forget", settings->forget,
+                    "method matrix of model generic: row i of N counts this to the power N - i; 0.999: the last 1000 rows")
+        .number_in(0.5, 1.0);
     for (const FitEntry* entry : all_fits())
         if (entry->option.name != nullptr)
-            verb->add_option(fmt::format("--{}", entry->option.name), settings->start[entry->option.name],
-                             entry->option.help);
-    verb->add_option("--in", settings->in, "labelled.csv: t_s, channels, fx_N .. mz_Nm, session; - is standard input")
-        ->required();
-    verb->add_option("--out", settings->out, "the calibration file to write")->required();
-    verb->add_flag("--force", settings->force, "replace the calibration file where there is one");
-    verb->add_option("--zero-drift", settings->request.zero_drift,
-                     "sd of each channel's zero in use, as a part of its width (0.01: 1 %); else that of the sessions")
-        ->check(number_in(0.0, 1.0));
-    auto* own = verb->add_flag("--zero-per-session", settings->own_zeros,
-                               "each session has its own zero, as after mounting; else found from the recording");
-    verb->add_flag("--one-zero", settings->one_zero, "all sessions have the same zero")->excludes(own);
-    verb->add_flag(
+            verb.add_option(fmt::format("--{}", entry->option.name), settings->start[entry->option.name],
+                            entry->option.help);
+    verb.add_option("--in", settings->in, "labelled.csv: t_s, channels, fx_N .. mz_Nm, session; - is standard input")
+        .required();
+    verb.add_option("--out", settings->out, "the calibration file to write").required();
+    verb.add_flag("--force", settings->force, "replace the calibration file where there is one");
+    verb.add_option("--zero-drift", settings->request.zero_drift,
+                    "sd of each channel's zero in use, as a part of its width (0.01: 1 %); else that of the sessions")
+        .number_in(0.0, 1.0);
+    const Option own = verb.add_flag("--zero-per-session", settings->own_zeros,
+                                     "each session has its own zero, as after mounting; else found from the recording");
+    verb.add_flag("--one-zero", settings->one_zero, "all sessions have the same zero").excludes(own);
+    verb.add_flag(
         "--parity", settings->request.parity,
         "each channel is checked against its prediction from the others; loads, mountings and zeros beyond those of "
         "the rows raise false alarms");
-    verb->add_flag("--keep-outliers", settings->request.keep_outliers, "labels that look wrong are reported and used");
-    verb->add_option("--saturates-below", settings->request.saturates_below,
-                     "rows with a channel at or below this are left out (unit of the channels)");
-    verb->add_option("--saturates-above", settings->request.saturates_above,
-                     "rows with a channel at or above this are left out (unit of the channels)");
-    verb->add_option("--report", settings->report, "also write a report with plots: one HTML file");
-    verb->add_option("--session", settings->selection.sessions, "use only these sessions")->take_all();
-    verb->add_option("--channels", settings->selection.channels, "use only these columns, in this order: A,B,C")
-        ->delimiter(',');
-    verb->add_option("--serial", settings->request.serial, "of this sensor");
-    verb->add_option("--contact-model", settings->request.contact_model, "what pressed on it: uniform, point ...")
-        ->capture_default_str();
-    verb->add_option("--channel-unit", settings->request.channel_unit, "unit of the channels: dR/R0, pF, uT, counts ...");
-    verb->add_flag("--json", settings->json, "print the report as JSON");
-    verb->callback([settings, &run] { run = [settings] { return calibrate(*settings); }; });
+    verb.add_flag("--keep-outliers", settings->request.keep_outliers, "labels that look wrong are reported and used");
+    verb.add_option("--saturates-below", settings->request.saturates_below,
+                    "rows with a channel at or below this are left out (unit of the channels)");
+    verb.add_option("--saturates-above", settings->request.saturates_above,
+                    "rows with a channel at or above this are left out (unit of the channels)");
+    verb.add_option("--report", settings->report, "also write a report with plots: one HTML file");
+    verb.add_option("--session", settings->selection.sessions, "use only these sessions").take_all();
+    verb.add_option("--channels", settings->selection.channels, "use only these columns, in this order: A,B,C")
+        .delimiter(',');
+    verb.add_option("--serial", settings->request.serial, "of this sensor");
+    verb.add_option("--contact-model", settings->request.contact_model, "what pressed on it: uniform, point ...")
+        .show_default();
+    verb.add_option("--channel-unit", settings->request.channel_unit, "unit of the channels: dR/R0, pF, uT, counts ...");
+    verb.add_flag("--json", settings->json, "print the report as JSON");
+    verb.callback([settings, &run] { run = [settings] { return calibrate(*settings); }; });
 }
 
 }  // namespace tactiled::ctl

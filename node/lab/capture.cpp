@@ -240,38 +240,31 @@ int capture(Args args) {
 
 }  // namespace
 
-void add_capture(CLI::App& app, Run& run) {
+void add_capture(Command program, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "capture", laboratory_help("capture"),
-                          "  tactilectl capture /dev/ttyACM0 --label fz_N=-4.905 --append labelled.csv\n"
-                          "  tactilectl capture usb0 --config my.toml --reference ft300 --append labelled.csv\n");
-    verb->add_option("port", args->what, "a link of --config, a serial port, or ADDRESS:PORT")->required();
-    verb->add_option("--append", args->append, "labelled.csv, which is created or continued")->required();
-    verb->add_option("--config", args->config, "the configuration that has the link")->capture_default_str();
-    verb->add_option("--label", args->labels, "the load, frame S: fz_N=-5 is a press of 5 N; without it: asked for")
-        ->take_all();
-    verb->add_option("--reference", args->reference, "a sensor of the running daemon that measures the load");
-    verb->add_option("--scale", args->scale,
-                     "serial port of a scale that prints g, kg or N; it carries the load, fz = -m g");
-    verb->add_option("--scale-baud", args->scale_baud, "its rate")->capture_default_str();
+    Command verb = add_verb(program, "capture", laboratory_help("capture"),
+                            "  tactilectl capture /dev/ttyACM0 --label fz_N=-4.905 --append labelled.csv\n"
+                            "  tactilectl capture usb0 --config my.toml --reference ft300 --append labelled.csv\n");
+    verb.add_option("port", args->what, "a link of --config, a serial port, or ADDRESS:PORT").required();
+    verb.add_option("--append", args->append, "labelled.csv, which is created or continued").required();
+    verb.add_option("--config", args->config, "the configuration that has the link").show_default();
+    verb.add_option("--label", args->labels, "the load, frame S: fz_N=-5 is a press of 5 N; without it: asked for")
+        .take_all();
+    verb.add_option("--reference", args->reference, "a sensor of the running daemon that measures the load");
+    verb.add_option("--scale", args->scale, "serial port of a scale that prints g, kg or N; it carries the load, fz = -m g");
+    verb.add_option("--scale-baud", args->scale_baud, "its rate").show_default();
     add_node_option(verb, args->node);
-    verb->add_option("--session", args->session, "one mounting; default: that of the file's last row, else 1");
-    verb->add_option("--channels", args->channels, "names for a new file: A,B,C; default c1,c2 ...")->delimiter(',');
-    verb->add_option("--device", args->device, "number of the device, where the link carries several")
-        ->check(CLI::Range(0, 65'535));
-    verb->add_option("--baud", args->baud, "rate of a serial port that is named directly")
-        ->check(CLI::Range(50, 12'000'000));
-    verb->add_option("--seconds", args->seconds, "time to read under each load")
-        ->check(number_in(0.05, 86'400.0))
-        ->capture_default_str();
-    verb->add_option("--settle", args->settle_s, "seconds to wait before them")
-        ->check(number_in(0.0, 3600.0))
-        ->capture_default_str();
-    verb->add_flag("--force", args->force, "append the rows of a load that changed while it was read, too");
-    verb->add_flag("--json", args->json, "one JSON object");
-    verb->callback([args, &run] {
+    verb.add_option("--session", args->session, "one mounting; default: that of the file's last row, else 1");
+    verb.add_option("--channels", args->channels, "names for a new file: A,B,C; default c1,c2 ...").delimiter(',');
+    verb.add_option("--device", args->device, "number of the device, where the link carries several").integer_in(0, 65'535);
+    verb.add_option("--baud", args->baud, "rate of a serial port that is named directly").integer_in(50, 12'000'000);
+    verb.add_option("--seconds", args->seconds, "time to read under each load").number_in(0.05, 86'400.0).show_default();
+    verb.add_option("--settle", args->settle_s, "seconds to wait before them").number_in(0.0, 3600.0).show_default();
+    verb.add_flag("--force", args->force, "append the rows of a load that changed while it was read, too");
+    verb.add_flag("--json", args->json, "one JSON object");
+    verb.callback([args, &run] {
         if (int(!args->labels.empty()) + int(!args->reference.empty()) + int(!args->scale.empty()) > 1)
-            throw CLI::ValidationError("--label, --reference and --scale exclude each other");
+            refuse("--label, --reference and --scale exclude each other");
         run = [args] { return capture(*args); };
     });
 }

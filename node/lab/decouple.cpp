@@ -139,29 +139,27 @@ int decouple(const Settings& settings) {
 
 }  // namespace
 
-void add_decouple(CLI::App& app, Run& run) {
+void add_decouple(Command program, Run& run) {
     auto settings = std::make_shared<Settings>();
-    auto* verb = add_verb(app, "decouple", laboratory_help("decouple"));
-    verb->add_option("--calibration", settings->calibration, "the calibration file")->required();
-    verb->add_option("--method", settings->method, "of the model; the calibration's own if not given; auto");
-    verb->add_option("--budget-us", settings->budget_us, "time that a sample may take with --method auto")
-        ->capture_default_str();
-    verb->add_option("--in", settings->in, "signals.csv: t_s and a column a channel; - is standard input")
-        ->capture_default_str();
-    verb->add_option("--out", settings->out, "forces.csv; - is standard output")->capture_default_str();
-    verb->add_option("--delay-ms", settings->delay_ms,
-                     "delay of the measuring chain, as in the configuration: channels that move meanwhile do not contradict "
-                     "each other")
-        ->check(CLI::NonNegativeNumber)
-        ->capture_default_str();
-    verb->add_option("--tare-s", settings->tare_s,
-                     "the mean force of so many seconds at the beginning, without a load, is subtracted")
-        ->check(CLI::NonNegativeNumber);
-    verb->add_option("--saturates-below", settings->saturates_below,
-                     "a channel at or below is saturated (unit of the calibration)");
-    verb->add_option("--saturates-above", settings->saturates_above,
-                     "a channel at or above is saturated (unit of the calibration)");
-    verb->callback([settings, &run] { run = [settings] { return decouple(*settings); }; });
+    Command verb = add_verb(program, "decouple", laboratory_help("decouple"));
+    verb.add_option("--calibration", settings->calibration, "the calibration file").required();
+    verb.add_option("--method", settings->method, "of the model; the calibration's own if not given; auto");
+    verb.add_option("--budget-us", settings->budget_us, "time that a sample may take with --method auto").show_default();
+    verb.add_option("--in", settings->in, "signals.csv: t_s and a column a channel; - is standard input").show_default();
+    verb.add_option("--out", settings->out, "forces.csv; - is standard output").show_default();
+    verb.add_option("--delay-ms", settings->delay_ms,
+                    "delay of the measuring chain, as in the configuration: channels that move meanwhile do not contradict "
+                    "each other")
+        .not_negative()
+        .show_default();
+    verb.add_option("--tare-s", settings->tare_s,
+                    "the mean force of so many seconds at the beginning, without a load, is subtracted")
+        .not_negative();
+    verb.add_option("--saturates-below", settings->saturates_below,
+                    "a channel at or below is saturated (unit of the calibration)");
+    verb.add_option("--saturates-above", settings->saturates_above,
+                    "a channel at or above is saturated (unit of the calibration)");
+    verb.callback([settings, &run] { run = [settings] { return decouple(*settings); }; });
 }
 
 }  // namespace tactiled::ctl

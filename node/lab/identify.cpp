@@ -111,19 +111,17 @@ int identify(const Args& args) {
 
 }  // namespace
 
-void add_identify(CLI::App& app, Run& run) {
+void add_identify(Command program, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "identify", laboratory_help("identify"),
-                          "  tactilectl identify /dev/ttyACM0 >> my.toml\n  tactilectl identify 192.168.1.1:63350\n");
-    verb->add_option("port", args->what, "a serial port, ADDRESS:PORT, or a link of --config")->required();
-    verb->add_option("--config", args->config, "the configuration that has the link")->capture_default_str();
-    verb->add_option("--name", args->name, "name of the printed [[link]]");
-    verb->add_option("--baud", args->baud, "try this rate alone")->check(CLI::Range(50, 12'000'000));
-    verb->add_option("--seconds", args->seconds, "time to listen at each rate")
-        ->check(number_in(0.2, 600.0))
-        ->capture_default_str();
-    verb->add_flag("--json", args->json, "one JSON object");
-    verb->callback([args, &run] { run = [args] { return identify(*args); }; });
+    Command verb = add_verb(program, "identify", laboratory_help("identify"),
+                            "  tactilectl identify /dev/ttyACM0 >> my.toml\n  tactilectl identify 192.168.1.1:63350\n");
+    verb.add_option("port", args->what, "a serial port, ADDRESS:PORT, or a link of --config").required();
+    verb.add_option("--config", args->config, "the configuration that has the link").show_default();
+    verb.add_option("--name", args->name, "name of the printed [[link]]");
+    verb.add_option("--baud", args->baud, "try this rate alone").integer_in(50, 12'000'000);
+    verb.add_option("--seconds", args->seconds, "time to listen at each rate").number_in(0.2, 600.0).show_default();
+    verb.add_flag("--json", args->json, "one JSON object");
+    verb.callback([args, &run] { run = [args] { return identify(*args); }; });
 }
 
 }  // namespace tactiled::ctl

@@ -92,18 +92,18 @@ int play(const Args& args) {
 
 }  // namespace
 
-void add_play(CLI::App& app, Run& run) {
+void add_play(Command program, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "play", laboratory_help("play"),
-                          "  tactilectl play --in signals.csv --pty /tmp/skin --format lines --sequence --loop\n");
-    verb->add_option("--in", args->in, "signals.csv: t_s and channels; label columns are left out")->required();
-    verb->add_option("--pty", args->pty, "the name under which the daemon opens it (a symbolic link)")->required();
+    Command verb = add_verb(program, "play", laboratory_help("play"),
+                            "  tactilectl play --in signals.csv --pty /tmp/skin --format lines --sequence --loop\n");
+    verb.add_option("--in", args->in, "signals.csv: t_s and channels; label columns are left out").required();
+    verb.add_option("--pty", args->pty, "the name under which the daemon opens it (a symbolic link)").required();
     args->wire.add_options(verb);
-    verb->add_option("--speed", args->speed, "times faster than t_s")->check(CLI::PositiveNumber)->capture_default_str();
-    verb->add_option("--rate", args->rate_Hz, "rows a second, instead of t_s")->check(CLI::PositiveNumber);
-    verb->add_option("--columns", args->columns, "which columns, in which order")->delimiter(',');
-    verb->add_flag("--loop", args->loop, "from the start again, until interrupted");
-    verb->callback([args, &run] { run = [args] { return play(*args); }; });
+    verb.add_option("--speed", args->speed, "times faster than t_s").positive().show_default();
+    verb.add_option("--rate", args->rate_Hz, "rows a second, instead of t_s").positive();
+    verb.add_option("--columns", args->columns, "which columns, in which order").delimiter(',');
+    verb.add_flag("--loop", args->loop, "from the start again, until interrupted");
+    verb.callback([args, &run] { run = [args] { return play(*args); }; });
 }
 
 }  // namespace tactiled::ctl

@@ -15,7 +15,6 @@
 
 #include "config/options.hpp"
 #include "node/ctl/command_line.hpp"
-#include "node/ctl/verb.hpp"
 #include "tactiled/reader.hpp"
 
 namespace tactiled::ctl {
@@ -74,17 +73,15 @@ bool Port::send(const void* bytes, std::size_t size) {
     }
 }
 
-void Wire::add_options(CLI::App* verb) {
+void Wire::add_options(Command verb) {
     const auto names = StreamFormats::names([](const StreamFormat& each) { return each.encode != nullptr; });
-    verb->add_option("--format", name, "wire format")->check(CLI::IsMember(names))->capture_default_str();
-    verb->add_option("--bits", settings.bits, "binary formats: width of a channel")
-        ->check(CLI::IsMember({24, 32}))
-        ->capture_default_str();
-    verb->add_option("--counts-per-unit", counts_per_unit, "factor of the values that are sent")->capture_default_str();
-    verb->add_flag("--checksum", settings.checksum, "text formats: with a checksum by exclusive or");
-    verb->add_flag("--crc16", settings.crc16, "text formats: with a CRC-16");
-    verb->add_flag("--sequence", settings.sequence, "text formats: with a leading counter (binary ones always have one)");
-    verb->add_flag("--time", settings.time_us, "with the device's time");
+    verb.add_option("--format", name, "wire format").one_of(names).show_default();
+    verb.add_option("--bits", settings.bits, "binary formats: width of a channel").one_of({"24", "32"}).show_default();
+    verb.add_option("--counts-per-unit", counts_per_unit, "factor of the values that are sent").show_default();
+    verb.add_flag("--checksum", settings.checksum, "text formats: with a checksum by exclusive or");
+    verb.add_flag("--crc16", settings.crc16, "text formats: with a CRC-16");
+    verb.add_flag("--sequence", settings.sequence, "text formats: with a leading counter (binary ones always have one)");
+    verb.add_flag("--time", settings.time_us, "with the device's time");
 }
 
 const StreamFormat& Wire::format() const { return *StreamFormats::find(name); }

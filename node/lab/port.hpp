@@ -6,11 +6,9 @@
 
 #include "drivers/wire/stream_format.hpp"
 
-namespace CLI {
-class App;
-}
-
 namespace tactiled::ctl {
+
+class Command;
 
 // The pty is reachable as `link`, a symbolic link that is removed with the Port.
 class Port {
@@ -40,7 +38,7 @@ struct Wire {
     StreamSettings settings;
     double counts_per_unit = 1;
 
-    void add_options(CLI::App* verb);
+    void add_options(Command verb);
     // setup: the options are parsed
     [[nodiscard]] const StreamFormat& format() const;
     // Sends a frame whose channels are in their units; NaN: without a value. Returns false if the frame was not taken

@@ -97,31 +97,29 @@ int simulate(const Args& args) {
 
 }  // namespace
 
-void add_simulate(CLI::App& app, Run& run) {
+void add_simulate(Command program, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "simulate", laboratory_help("simulate"));
-    verb->add_option("--scene", args->scene, "the scene, config/scenes/*.toml");
-    verb->add_option("--effects", args->effects,
-                     "auto: those that the scene needs; all; none; or names with commas, NAME or NAME:LEVEL, see --list")
-        ->capture_default_str();
-    verb->add_option("--seed", args->seed, "of noise and chance, instead of the scene's own")
-        ->check(CLI::Range(std::uint64_t(0), std::uint64_t(9'000'000'000'000'000)));
-    verb->add_option("--out", args->out, "signals.csv: t_s and a column a channel; - is standard output");
-    verb->add_option("--truth", args->truth, "truth.csv: the loads and the centre of contact; - is standard output");
-    verb->add_option("--report", args->report,
-                     "a page on each effect: the force without it, level, cost, on or off and why, and the figure");
-    verb->add_option("--figure", args->figure, "only the figure, SVG: the effects of the first sensor over time");
-    verb->add_option("--sensor", args->sensor, "report, figure and JSON of this sensor alone");
-    verb->add_option("--pty", args->ptys,
-                     "be the sensors' device behind this name; one for each sensor, or one for all with --format cobs")
-        ->allow_extra_args(false);
+    Command verb = add_verb(program, "simulate", laboratory_help("simulate"));
+    verb.add_option("--scene", args->scene, "the scene, config/scenes/*.toml");
+    verb.add_option("--effects", args->effects,
+                    "auto: those that the scene needs; all; none; or names with commas, NAME or NAME:LEVEL, see --list")
+        .show_default();
+    verb.add_option("--seed", args->seed, "of noise and chance, instead of the scene's own")
+        .integer_in(0, 9'000'000'000'000'000);
+    verb.add_option("--out", args->out, "signals.csv: t_s and a column a channel; - is standard output");
+    verb.add_option("--truth", args->truth, "truth.csv: the loads and the centre of contact; - is standard output");
+    verb.add_option("--report", args->report,
+                    "a page on each effect: the force without it, level, cost, on or off and why, and the figure");
+    verb.add_option("--figure", args->figure, "only the figure, SVG: the effects of the first sensor over time");
+    verb.add_option("--sensor", args->sensor, "report, figure and JSON of this sensor alone");
+    verb.add_option("--pty", args->ptys,
+                    "be the sensors' device behind this name; one for each sensor, or one for all with --format cobs")
+        .one_value_each();
     args->wire.add_options(verb);
-    verb->add_option("--speed", args->speed, "with --pty: times faster than the scene")
-        ->check(CLI::PositiveNumber)
-        ->capture_default_str();
-    verb->add_flag("--json", args->json, "print the content of --report as JSON; with --list the effects");
-    verb->add_flag("--list", args->list, "print all effects: equation, source, parameters");
-    verb->callback([args, &run] { run = [args] { return simulate(*args); }; });
+    verb.add_option("--speed", args->speed, "with --pty: times faster than the scene").positive().show_default();
+    verb.add_flag("--json", args->json, "print the content of --report as JSON; with --list the effects");
+    verb.add_flag("--list", args->list, "print all effects: equation, source, parameters");
+    verb.callback([args, &run] { run = [args] { return simulate(*args); }; });
 }
 
 }  // namespace tactiled::ctl

@@ -110,21 +110,21 @@ int tradeoff(const Args& args) {
 
 }  // namespace
 
-void add_tradeoff(CLI::App& app, Run& run) {
+void add_tradeoff(Command program, Run& run) {
     auto args = std::make_shared<Args>();
-    auto* verb = add_verb(app, "tradeoff", laboratory_help("tradeoff"));
-    verb->add_option("--calibration", args->calibration,
-                     "instead: all methods of this calibration file, over --scene or --in");
-    verb->add_option("--scene", args->scene,
-                     "this scene instead of the named ones; without --calibration its sensor is calibrated in simulation");
-    verb->add_option("--in", args->in, "labelled.csv: your own readings, with --calibration");
-    verb->add_option("--scenes", args->scenes, "the folder of the named scenes, if it is not beside the program");
-    verb->add_option("--csv", args->csv, "write the table as CSV: a row a method and scene");
-    verb->add_option("--svg", args->svg, "write the figure as SVG");
-    verb->add_option("--samples", args->samples, "to time, of each thing that is compared")
-        ->check(CLI::Range(std::size_t(1), std::size_t(100'000'000)));
-    verb->add_flag("--json", args->json, "print the table as JSON");
-    verb->callback([args, &run] { run = [args] { return tradeoff(*args); }; });
+    Command verb = add_verb(program, "tradeoff", laboratory_help("tradeoff"));
+    verb.add_option("--calibration", args->calibration,
+                    "instead: all methods of this calibration file, over --scene or --in");
+    verb.add_option("--scene", args->scene,
+                    "this scene instead of the named ones; without --calibration its sensor is calibrated in simulation");
+    verb.add_option("--in", args->in, "labelled.csv: your own readings, with --calibration");
+    verb.add_option("--scenes", args->scenes, "the folder of the named scenes, if it is not beside the program");
+    verb.add_option("--csv", args->csv, "write the table as CSV: a row a method and scene");
+    verb.add_option("--svg", args->svg, "write the figure as SVG");
+    verb.add_option("--samples", args->samples, "to time, of each thing that is compared")
+        .integer_in(std::size_t(1), std::size_t(100'000'000));
+    verb.add_flag("--json", args->json, "print the table as JSON");
+    verb.callback([args, &run] { run = [args] { return tradeoff(*args); }; });
 }
 
 }  // namespace tactiled::ctl

@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "config/text_file.hpp"
 #include "node/log.hpp"
@@ -296,7 +297,7 @@ void Controls::load() {
         const Limits& limits = writable_at(kFilterHz + i)->limits;
         if (!file.has(kKeys[i].name)) continue;
         const Range range{limits.min * kKeys[i].scale, limits.max * kKeys[i].scale};
-        loaded[i] = std::uint16_t(file.number(kKeys[i].name, range) / kKeys[i].scale + 0.5);
+        loaded[i] = std::uint16_t(std::lround(file.number(kKeys[i].name, range) / kKeys[i].scale));
     }
     file.finish();
     for (const auto& line : problems.lines()) log_line(LogLevel::warning, "{}; stored settings are not used", line);

@@ -19,7 +19,6 @@
 #include "config/network_address.hpp"
 #include "config/text_file.hpp"
 #include "node/ctl/command_line.hpp"
-#include "node/ctl/verb.hpp"
 #include "node/web/api.hpp"
 #include "node/web/messages.hpp"
 #include "node/web/metrics.hpp"
@@ -40,16 +39,16 @@ constexpr std::size_t kMinToken = 16;
 std::string token_in(const std::string& path) {
     if (path.empty()) return "";
     Problems problems;
-    std::string token = read_text_file(path, 4096, problems).value_or("");
+    const std::string text = read_text_file(path, 4096, problems).value_or("");
     problems.throw_if_any();
-    token.erase(token.find_last_not_of(" \t\r\n") + 1);
+    const auto token = std::string_view(text).substr(0, text.find_last_not_of(" \t\r\n") + 1);
     const bool printable = std::all_of(token.begin(), token.end(), [](unsigned char c) { return c > ' ' && c < 127; });
     if (token.size() < kMinToken || !printable)
         throw SetupError(
             fmt::format("{}: a token is one line of at least {} printable characters, such as that of "
                         "\"openssl rand -hex 16\"",
                         path, kMinToken));
-    return token;
+    return std::string(token);
 }
 
 int listen_on(const std::string& text) {
@@ -199,22 +198,20 @@ int serve(Args args) {
 
 int main(int argc, char** argv) {
     using namespace tactiled;
-    CLI::App app{"Shows a tactiled daemon as a web page with live forces, as Prometheus metrics and as JSON.",
-                 "tactiled-web"};
-    app.set_version_flag("--version", TACTILED_VERSION);
+    ctl::Program app{"Shows a tactiled daemon as a web page with live forces, as Prometheus metrics and as JSON.",
+                     "tactiled-web"};
+    app.version(TACTILED_VERSION);
     web::Args args;
-    ctl::add_node_option(&app, args.node);
+    ctl::add_node_option(app, args.node);
     app.add_option("--listen", args.listen,
                    "ADDRESS:PORT or [IPv6]:PORT; a loopback address can be reached from this machine alone")
-        ->capture_default_str();
+        .show_default();
     app.add_option("recording", args.recording, "FILE.mcap of tactilectl record: shows it instead of a daemon")
-        ->check(CLI::ExistingFile);
+        .existing_file();
     app.add_option("--host-name", args.host_names, "name under which browsers may call, beside localhost and addresses");
     app.add_option("--token-file", args.token_file,
                    "accepts tare, clear, weigh and teach from clients with the token in this file");
-    app.add_option("--max-pages", args.streams, "pages that may be open at once")
-        ->check(CLI::Range(1, 64))
-        ->capture_default_str();
+    app.add_option("--max-pages", args.streams, "pages that may be open at once").integer_in(1, 64).show_default();
     app.footer(
         "Examples:\n"
         "  tactiled-web                        then open http://localhost:8080/\n"

@@ -1,7 +1,9 @@
 """The release programs under test: ports, ptys, configurations, start and end."""
 import contextlib
+import fcntl
 import os
 import pathlib
+import random
 import shutil
 import signal
 import socket
@@ -37,10 +39,23 @@ def ctl(*words, **kinds):
     return subprocess.run([BIN / "tactilectl", *map(str, words)], capture_output=True, text=True, timeout=120, **kinds)
 
 
+PORTS = range(20000, 30000)  # below those that the kernel gives to clients (net.ipv4.ip_local_port_range)
+_held = []  # locks of ports; they end with the process
+
+
 def free_port():
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return s.getsockname()[1]
+    """Returns a port of this machine's loopback that no other test has: it stays locked while this process lives."""
+    folder = pathlib.Path(tempfile.gettempdir()) / f"tactiled-test-ports-{os.geteuid()}"
+    folder.mkdir(exist_ok=True)
+    for port in random.sample(PORTS, len(PORTS)):
+        lock = open(folder / str(port), "w")
+        with socket.socket() as s, contextlib.suppress(OSError):
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            s.bind(("127.0.0.1", port))
+            _held.append(lock)
+            return port
+        lock.close()
+    raise RuntimeError(f"no port of {PORTS} is free")
 
 
 class Daemon:

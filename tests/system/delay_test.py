@@ -24,6 +24,8 @@ from freshness_test import CALIBRATION, ORDINARY_MS, SENSOR, STALE_MS  # noqa: E
 FIELDS = ("sequence+clock", "clock", "sequence", "none")
 RANDOM = random.Random(int(os.environ.get("SEED", "23")))
 LIBRARY = BIN / "libsuspend.so"
+# The ordinary run has the depths alone. faults.freshness has the causes of the others in simulated time.
+longer = unittest.skipUnless("LONG" in os.environ, "a longer run: LONG=1")
 
 
 class Chain:
@@ -132,6 +134,7 @@ class Depths(Witnessed):
                 if "clock" in fields:
                     wait_for(lambda c=chain: c.quality() == tactiled.GOOD, 15, f"GOOD: {end}, {fields}")
 
+    @longer
     def test_lost_bytes_swapped_and_repeated_frames_and_a_clock_that_jumps_give_no_wrong_value(self):
         with contextlib.ExitStack() as stack:
             chains = [Chain(fields, ["tcp:127.0.0.1", end]) for fields in FIELDS[:3] for end in ("pty", "tcp:127.0.0.1")]
@@ -156,6 +159,7 @@ class Depths(Witnessed):
                     self.assert_young(one, (chain.daemon.config.read_text(), i))
                 wait_for(lambda c=chain: c.quality() == tactiled.GOOD, 15, "GOOD again")
 
+    @longer
     def test_a_lag_that_begins_with_a_leap_of_the_clock_or_with_a_start_of_the_device_is_not_good(self):
         with contextlib.ExitStack() as stack:
             chains = [Chain(fields, ["tcp:127.0.0.1"]) for fields in FIELDS[:2]]
@@ -219,6 +223,7 @@ class Depths(Witnessed):
                     self.assertEqual(chain.quality(), tactiled.GOOD, fields)
 
 
+@longer
 class OddDevices(Witnessed):
     """Devices and servers that differ from what the formats expect (tests/faults/odd_devices.cpp)."""
 
@@ -256,6 +261,7 @@ class OddDevices(Witnessed):
                 wait_for(lambda c=chain: c.quality() == tactiled.GOOD, 15, "GOOD again")
 
 
+@longer
 @unittest.skipUnless(LIBRARY.exists(), "libsuspend.so was not built")
 class Suspended(unittest.TestCase):
     """The machine sleeps: its processes stand still, CLOCK_MONOTONIC, too, and CLOCK_BOOTTIME goes on (tests/faults/suspend.cpp)."""
@@ -293,6 +299,7 @@ class Suspended(unittest.TestCase):
                         wait_for(lambda c=chain: c.quality() == tactiled.GOOD, 5, f"GOOD: {keys}, {fields}")
 
 
+@longer
 class Veth(unittest.TestCase):
     def test_a_link_of_the_network_that_goes_down_and_comes_back(self):
         if os.geteuid() != 0:

@@ -8,7 +8,6 @@
 #include "config/names.hpp"
 #include "config/text_file.hpp"
 #include "node/ctl/command_line.hpp"
-#include "node/ctl/verb.hpp"
 #include "node/lab/output.hpp"
 #include "tests/bench/costs/cost.hpp"
 
@@ -121,17 +120,16 @@ int costs(const Args& args) {
 
 int main(int argc, char** argv) {
     using namespace tactiled::ctl;
-    CLI::App app{
+    Program app{
         "Measures what one thing costs in accuracy or time against another way of doing it, through the product's code.",
         "accuracy_costs"};
     Args args;
-    app.add_option("name", args.name, "list, all (each figure to its place in --folder), or one of the list")->required();
+    app.add_option("name", args.name, "list, all (each figure to its place in --folder), or one of the list").required();
     app.add_option("--csv", args.csv, "write the table as CSV");
     app.add_option("--svg", args.svg, "write the figure as SVG");
     app.add_flag("--json", args.json, "print the table as JSON");
-    app.add_option("--samples", args.setup.samples, "to take of each thing that is compared")
-        ->check(CLI::Range(std::size_t(1), std::size_t(100'000'000)));
-    app.add_option("--folder", args.setup.folder, "the project's folder, for config/")->capture_default_str();
+    app.add_option("--samples", args.setup.samples, "to take of each thing that is compared").integer_in(1, 100'000'000);
+    app.add_option("--folder", args.setup.folder, "the project's folder, for config/").show_default();
     app.add_option("--influence", args.setup.influence,
                    "of map, solver, batch: a calibration with the plate's influence map, if not the one in config/");
     return run_program(app, argc, argv, [&] { return costs(args); });

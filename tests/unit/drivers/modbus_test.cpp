@@ -170,7 +170,7 @@ TEST_F(Slave, ALateAnswerToAProbeDoesNotAnswerANewerOne) {
 }
 
 TEST_F(Slave, ALateAnswerToASetOfOtherRegistersIsNotTakenEither) {
-    open_pty("timeout_ms = 20", "[[slave]]\nrate_Hz = 10\n" + kValues +
+    open_pty("timeout_ms = 200", "[[slave]]\nrate_Hz = 10\n" + kValues +
                                     "\n[[slave]]\ndevice = 1\nrate_Hz = 10\n"
                                     "registers = [{name = \"a\", at = 20}, {name = \"b\", at = 21}]");
     request();

@@ -1,0 +1,94 @@
+#!/usr/bin/env python3
+"""What failed in runs of tests/run.sh, and the list of it, tests/failed.tsv.
+
+    ledger.py failed OUTPUT COMMIT LOAD   a line for each failed test of CTest's output: date, commit, test, load
+    ledger.py count OUTPUT...             how many programs and cases passed, failed and were skipped
+    ledger.py check                       fails for a test that is listed twice without a change of its code in between
+"""
+import datetime
+import pathlib
+import re
+import subprocess
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+LIST = ROOT / "tests/failed.tsv"
+PROGRAM = re.compile(r"^\s*\d+/\d+ Testing: (.*)$")
+RESULT = re.compile(r"^Test (Passed|Failed|Timeout|Skipped|Not Run|Exception)")
+# GoogleTest: "[  FAILED  ] Suite.Name (3 ms)"; unittest: "FAIL: test_name (module.Class.test_name)"
+CASE = re.compile(r"^(?:\[  FAILED  \] (?P<gtest>[\w/]+\.[\w/]+)|(?:FAIL|ERROR): (?P<python>\w+) )")
+RAN = re.compile(r"^(?:\[==========\] (\d+) tests? from .* ran|Ran (\d+) tests? in )")
+
+
+def programs(text):
+    """Yields (name, result, failed cases, number of cases) of each program in CTest's LastTest.log."""
+    name, cases, ran = None, [], 0
+    for line in text.splitlines():
+        if found := PROGRAM.match(line):
+            name, cases, ran = found[1], [], 0
+        elif found := CASE.match(line):
+            cases.append(found["gtest"] or found["python"])
+        elif found := RAN.match(line):
+            ran += int(found[1] or found[2])
+        elif (found := RESULT.match(line)) and name is not None:
+            yield name, found[1], sorted(set(cases)), ran
+            name = None
+
+
+def failed(output, commit, load):
+    now = datetime.datetime.now(datetime.timezone.utc).strftime("%F")
+    for name, result, cases, _ in programs(pathlib.Path(output).read_text(errors="replace")):
+        if result not in ("Passed", "Skipped"):
+            for case in cases or [result.lower()]:
+                print(now, commit, f"{name}:{case}", load, sep="\t")
+
+
+def count(outputs):
+    found = [each for output in outputs for each in programs(pathlib.Path(output).read_text(errors="replace"))]
+    of = {kind: sum(result == kind for _, result, _, _ in found) for kind in ("Passed", "Skipped")}
+    print(f"{of['Passed']} passed, {len(found) - sum(of.values())} failed, {of['Skipped']} skipped; "
+          f"{sum(ran for *_, ran in found)} cases of GoogleTest and unittest")
+
+
+def code_of(test):
+    """Returns the files of a listed test: "system.web_test:test_x" or "drivers.1of4:Suite.Name"."""
+    program, case = test.split(":")
+    folder, _, rest = program.partition(".")
+    if folder == "system" and (ROOT / f"tests/system/{rest}.py").exists():
+        return [f"tests/system/{rest}.py"]
+    suite = case.split(".")[0].split("/")[-1]
+    files = [path for path in (ROOT / "tests/unit" / folder).glob("*_test.cpp") if re.search(rf"\b{suite}\b", path.read_text())]
+    return [str(path.relative_to(ROOT)) for path in files] or ["tests"]
+
+
+def check(lines, changed):
+    """Returns the errors of the list. `changed`: whether a file of these differs between two commits."""
+    last, errors = {}, []
+    for line in lines:
+        _, commit, test, _ = line.split("\t")
+        test = re.sub(r"\.\d+of\d+:", ".1of1:", test)  # the number of parts may have changed
+        if test in last and not changed(last[test], commit, code_of(test)):
+            errors.append(f"{test} failed at {last[test]} and at {commit}, and its code is the same: repair or remove it")
+        last[test] = commit
+    return errors
+
+
+def changed_in_git(before, after, files):
+    done = subprocess.run(["git", "-C", ROOT, "diff", "--quiet", before, after, "--", *files, "tests/system/daemon.py"], stderr=subprocess.DEVNULL)
+    return done.returncode != 0  # a commit that is not in this clone counts as a change
+
+
+def main():
+    if sys.argv[1:2] == ["failed"] and len(sys.argv) == 5:
+        failed(*sys.argv[2:])
+    elif sys.argv[1:2] == ["count"]:
+        count(sys.argv[2:])
+    elif sys.argv[1:] == ["check"]:
+        lines = [line for line in LIST.read_text().splitlines() if line and not line.startswith("#")]
+        sys.exit("\n".join(check(lines, changed_in_git)) or None)
+    else:
+        sys.exit(__doc__)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,57 @@
+"""The list of failed tests: what CTest wrote becomes lines, and a test that fails twice unchanged is an error."""
+import contextlib
+import io
+import pathlib
+import tempfile
+import unittest
+
+import ledger
+
+OUTPUT = """\
+1/4 Testing: drivers.1of4
+[==========] 120 tests from 31 test suites ran. (20 ms total)
+[  FAILED  ] Uart.ReadsALine (3 ms)
+[  FAILED  ] Uart.ReadsALine
+Test Failed.
+2/4 Testing: system.web_test
+Ran 21 tests in 3.2s
+FAIL: test_a_page (__main__.Values.test_a_page)
+Test Failed.
+3/4 Testing: system.kill
+Test Timeout.
+4/4 Testing: format
+Test Passed.
+"""
+
+
+class Ledger(unittest.TestCase):
+    def said_of(self, action, *words):
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / "log"
+            path.write_text(OUTPUT)
+            said = io.StringIO()
+            with contextlib.redirect_stdout(said):
+                action(path, *words)
+            return said.getvalue()
+
+    def test_each_failed_case_is_a_line(self):
+        lines = self.said_of(ledger.failed, "abc", "9 8 7").splitlines()
+        self.assertEqual([line.split("\t")[1:] for line in lines],
+                         [["abc", "drivers.1of4:Uart.ReadsALine", "9 8 7"], ["abc", "system.web_test:test_a_page", "9 8 7"], ["abc", "system.kill:timeout", "9 8 7"]])
+
+    def test_programs_and_cases_are_counted(self):
+        self.assertEqual(self.said_of(lambda path: ledger.count([path])), "1 passed, 3 failed, 0 skipped; 141 cases of GoogleTest and unittest\n")
+
+    def test_a_second_failure_needs_a_change_between(self):
+        twice = ["d\tA\tsystem.web_test:test_a_page\t1", "d\tB\tsystem.web_test:test_a_page\t1"]
+        self.assertEqual(len(ledger.check(twice, lambda *_: False)), 1)
+        self.assertEqual(ledger.check(twice, lambda *_: True), [])
+        self.assertEqual(ledger.check(twice[:1] + ["d\tB\tsystem.web_test:test_another\t1"], lambda *_: False), [])
+
+    def test_the_code_of_a_test_is_its_file(self):
+        self.assertEqual(ledger.code_of("system.web_test:x"), ["tests/system/web_test.py"])
+        self.assertIn("tests/unit/drivers/uart_test.cpp", ledger.code_of("drivers.1of1:UartTest.X"))
+
+
+if __name__ == "__main__":
+    unittest.main()
