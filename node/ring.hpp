@@ -3,7 +3,7 @@
 //
 // Each side works on its own position and reads the other's published index only if its remembered copy indicates
 // full or empty; indices are published once per burst. A burst of frames thus costs one cache-line transfer, not one
-// per frame. tests/bench/RESULTS.md compares it with boost::lockfree, moodycamel and DPDK.
+// per frame. tests/bench/ring_bench.cpp compares it with boost::lockfree, moodycamel and DPDK.
 #pragma once
 #include <atomic>
 #include <cassert>

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""What failed in runs of tests/run.sh, and the list of it, tests/failed.tsv.
+"""Lists the tests that failed in runs of tests/run.sh; tests/failed.tsv has them.
 
-    ledger.py failed OUTPUT COMMIT LOAD   a line for each failed test of CTest's output: date, commit, test, load
+    ledger.py failed OUTPUT COMMIT LOAD   a line for each failed test of a JUnit file of CTest: date, commit, test, load
     ledger.py count OUTPUT...             how many programs and cases passed, failed and were skipped
     ledger.py check                       fails for a test that is listed twice without a change of its code in between
 """
@@ -10,44 +10,41 @@ import pathlib
 import re
 import subprocess
 import sys
+from xml.etree import ElementTree
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 LIST = ROOT / "tests/failed.tsv"
-PROGRAM = re.compile(r"^\s*\d+/\d+ Testing: (.*)$")
-RESULT = re.compile(r"^Test (Passed|Failed|Timeout|Skipped|Not Run|Exception)")
 # GoogleTest: "[  FAILED  ] Suite.Name (3 ms)"; unittest: "FAIL: test_name (module.Class.test_name)"
 CASE = re.compile(r"^(?:\[  FAILED  \] (?P<gtest>[\w/]+\.[\w/]+)|(?:FAIL|ERROR): (?P<python>\w+) )")
 RAN = re.compile(r"^(?:\[==========\] (\d+) tests? from .* ran|Ran (\d+) tests? in )")
 
 
-def programs(text):
-    """Yields (name, result, failed cases, number of cases) of each program in CTest's LastTest.log."""
-    name, cases, ran = None, [], 0
-    for line in text.splitlines():
-        if found := PROGRAM.match(line):
-            name, cases, ran = found[1], [], 0
-        elif found := CASE.match(line):
-            cases.append(found["gtest"] or found["python"])
-        elif found := RAN.match(line):
-            ran += int(found[1] or found[2])
-        elif (found := RESULT.match(line)) and name is not None:
-            yield name, found[1], sorted(set(cases)), ran
-            name = None
+def programs(path):
+    """Yields (name, "run", "fail" or "notrun", message, failed cases, number of cases) of each program in CTest's JUnit file."""
+    for test in ElementTree.parse(path).iter("testcase"):
+        lines = (test.findtext("system-out") or "").splitlines()
+        reason = test.find("failure") if test.find("failure") is not None else test.find("skipped")
+        message = "" if reason is None else reason.get("message")
+        status = test.get("status")
+        if status == "notrun" and not message.startswith("SKIP_RETURN_CODE"):
+            status = "fail"  # its program is missing, for instance
+        cases = {found["gtest"] or found["python"] for line in lines if (found := CASE.match(line))}
+        ran = sum(int(found[1] or found[2]) for line in lines if (found := RAN.match(line)))
+        yield test.get("name"), status, message, sorted(cases), ran
 
 
 def failed(output, commit, load):
     now = datetime.datetime.now(datetime.timezone.utc).strftime("%F")
-    for name, result, cases, _ in programs(pathlib.Path(output).read_text(errors="replace")):
-        if result not in ("Passed", "Skipped"):
-            for case in cases or [result.lower()]:
+    for name, status, message, cases, _ in programs(output):
+        if status == "fail":
+            for case in cases or [message or "failed"]:
                 print(now, commit, f"{name}:{case}", load, sep="\t")
 
 
 def count(outputs):
-    found = [each for output in outputs for each in programs(pathlib.Path(output).read_text(errors="replace"))]
-    of = {kind: sum(result == kind for _, result, _, _ in found) for kind in ("Passed", "Skipped")}
-    print(f"{of['Passed']} passed, {len(found) - sum(of.values())} failed, {of['Skipped']} skipped; "
-          f"{sum(ran for *_, ran in found)} cases of GoogleTest and unittest")
+    found = [each for output in outputs for each in programs(output)]
+    of = {status: sum(each[1] == status for each in found) for status in ("run", "fail", "notrun")}
+    print(f"{of['run']} passed, {of['fail']} failed, {of['notrun']} skipped; {sum(ran for *_, ran in found)} cases of GoogleTest and unittest")
 
 
 def code_of(test):

@@ -1,4 +1,4 @@
-"""The list of failed tests: what CTest wrote becomes lines, and a test that fails twice unchanged is an error."""
+"""The list of failed tests: CTest's results become lines, and a test that fails twice unchanged is an error."""
 import contextlib
 import io
 import pathlib
@@ -7,21 +7,15 @@ import unittest
 
 import ledger
 
-OUTPUT = """\
-1/4 Testing: drivers.1of4
+OUTPUT = """<testsuite><testcase name="drivers.1of4" status="fail"><failure message=""/><system-out>
 [==========] 120 tests from 31 test suites ran. (20 ms total)
 [  FAILED  ] Uart.ReadsALine (3 ms)
 [  FAILED  ] Uart.ReadsALine
-Test Failed.
-2/4 Testing: system.web_test
+</system-out></testcase><testcase name="system.web_test" status="fail"><failure message=""/><system-out>
 Ran 21 tests in 3.2s
 FAIL: test_a_page (__main__.Values.test_a_page)
-Test Failed.
-3/4 Testing: system.kill
-Test Timeout.
-4/4 Testing: format
-Test Passed.
-"""
+</system-out></testcase><testcase name="system.kill" status="fail"><failure message="timeout"/></testcase>
+<testcase name="format" status="run"/></testsuite>"""
 
 
 class Ledger(unittest.TestCase):

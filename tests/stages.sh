@@ -1,10 +1,11 @@
+# shellcheck shell=bash
 # Functions of run.sh: stages with their durations, work beside the tests of programs, results.
 mkdir -p build
-rm -f build/last-run build/failed-tests build/*-tests.log build/*-output.log
+rm -f build/last-run build/failed-tests build/*-tests.xml
 commit=$(git rev-parse HEAD 2>/dev/null || echo unknown)
 [ -z "$(git status --porcelain 2>/dev/null)" ] || commit+=+changes
 load() { cut -d' ' -f1-3 /proc/loadavg; }
-began=$(date -u +%FT%TZ) load_at_begin=$(load) durations=() stage_began=0 stage_name= beside=
+began=$(date -u +%FT%TZ) load_at_begin=$(load) durations=() stage_began=0 stage_name='' beside='' result=''
 
 stage() { # NAME: ends the stage before
     [ -z "$stage_name" ] || durations+=("$((SECONDS - stage_began)) s $stage_name")
@@ -12,49 +13,56 @@ stage() { # NAME: ends the stage before
     echo "run.sh: $((SECONDS / 60)) min $((SECONDS % 60)) s: $1"
 }
 
-# Runs commands in the background, in a session of their own with the least weight. Linux divides the processor between sessions
-# before it looks at nice values (autogroup), and a kernel thread of ordinary weight carries the bytes of a pseudo terminal: a
-# compiler in the session of a test delays them by 100 ms and more.
+# Runs commands that take only what the tests of programs leave of the processor: a task of SCHED_IDLE gives way whenever another
+# one wakes up. This holds among tasks of one group. Linux makes each session a group (autogroup), in which a compiler delays the
+# kernel thread that carries the bytes of a pseudo terminal by up to 200 ms. Root therefore turns autogroup off for this run. Without
+# that right the commands run first, alone.
+autogroup=/proc/sys/kernel/sched_autogroup_enabled
+autogroup_before=$(cat $autogroup 2>/dev/null || echo 0)
 aside() { # COMMANDS
     export -f build tests load
     export jobs commit
-    setsid bash -euo pipefail -c "
-        { echo 19 >/proc/self/autogroup || renice -n 19 \$\$; } >/dev/null 2>&1
-        $1" >build/beside.log 2>&1 &
+    if [ "$autogroup_before" != 0 ] && ! { echo 0 >$autogroup; } 2>/dev/null; then
+        eval "$1"
+        return
+    fi
+    setsid chrt --idle 0 bash -euo pipefail -c "$1" >build/beside.log 2>&1 &
     beside=$!
-    trap 'kill -- "-$beside" 2>/dev/null || true; finish aborted' EXIT
 }
 wait_for_aside() {
-    { echo 0 >"/proc/$beside/autogroup"; } 2>/dev/null || true  # nothing needs to be in time any more; only root may
-    local status=0
+    local status=0 pid
+    [ -n "$beside" ] || return 0
+    for pid in $(pgrep -s "$beside"); do chrt --other -p 0 "$pid" 2>/dev/null || true; done  # the tests of programs have ended
     wait "$beside" || status=$?
-    trap 'finish aborted' EXIT
+    beside=''
     cat build/beside.log
-    [ $status = 0 ] || [ -s build/failed-tests ] || { echo "run.sh: a build failed" >&2; exit 1; }
+    [ $status = 0 ] || { echo "run.sh: a build failed" >&2; exit 1; }
 }
+end() {
+    [ -z "$beside" ] || kill -- "-$beside" 2>/dev/null || true
+    [ "$autogroup_before" = 0 ] || { echo "$autogroup_before" >$autogroup; } 2>/dev/null || true
+    [ -n "$result" ] || finish aborted
+}
+trap end EXIT
 
-tests() { # LOG PRESET CTEST_OPTION...: once; what fails is kept with the commit and the load
-    local log=build/$1-tests.log preset=$2 status=0; shift 2
-    ctest --test-dir "build/$preset" --no-tests=error --output-on-failure "$@" >"$log" 2>&1 || status=$?
-    cat "$log"
-    cp "build/$preset/Testing/Temporary/LastTest.log" "${log%-tests.log}-output.log"
-    [ $status = 0 ] || tests/ledger.py failed "${log%-tests.log}-output.log" "$commit" "$(load)" >>build/failed-tests
-    return $status
+tests() { # NAME PRESET CTEST_OPTION...: once; what fails is kept with the commit and the load
+    local results=$PWD/build/$1-tests.xml preset=$2 status=0; shift 2
+    ctest --test-dir "build/$preset" --no-tests=error --output-on-failure --output-junit "$results" --test-output-size-passed 1000000 "$@" ||
+        status=$?
+    [ $status = 0 ] || tests/ledger.py failed "$results" "$commit" "$(load)" >>build/failed-tests
 }
 
 finish() { # [aborted]: prints and writes the result, and exits
-    trap - EXIT
     stage end
-    local result=passed counts
+    result=passed
     [ ! -s build/failed-tests ] || result=failed
     [ "${1:-}" != aborted ] || result=aborted
-    counts=$(tests/ledger.py count build/*-output.log)
     {
         echo "commit $commit"
         echo "result $result"
         echo "began $began, load $load_at_begin; ended $(date -u +%FT%TZ), load $(load)"
-        echo "tests $counts"
-        echo "processor time of this run: $(times | tail -n 1)"
+        echo "tests $(find build -maxdepth 1 -name "*-tests.xml" | sort | xargs -r tests/ledger.py count)"
+        echo "processor time $(times | tail -n 1)"
         printf '%s\n' "${durations[@]}"
     } | tee build/last-run
     if [ -s build/failed-tests ]; then

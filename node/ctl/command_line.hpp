@@ -53,7 +53,7 @@ public:
     Option add_flag(const std::string& name, bool& variable, const std::string& help);
     Command add_group_of_which_one_is_needed(const std::string& name);
     void require_verb();
-    void in_group(const std::string& title);  // of --help
+    void in_group(const std::string& title);  // a heading in --help
     void footer(const std::string& text);
     void version(const std::string& text);
     void callback(std::function<void()> parsed);

@@ -1,6 +1,7 @@
 // A daemon that reads pseudo-terminals or connections, for the benchmarks of the path from the wire to shared memory.
 #pragma once
 #include <arpa/inet.h>
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
@@ -11,9 +12,12 @@
 #include <sys/wait.h>
 
 #include <algorithm>
+#include <cstdlib>
+#include <cstring>
 #include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <vector>
@@ -134,18 +138,16 @@ public:
         const std::string program = std::string(other != nullptr ? other : beside) + "/tactiled";
         const std::string config = folder_ + "/tactiled.toml";
         const char* words[] = {program.c_str(), "--config", config.c_str(), nullptr};
-        if (::posix_spawn(&pid_, program.c_str(), nullptr, nullptr, const_cast<char**>(words), environ) != 0) std::abort();
+        log_ = folder_ + "/log";
+        posix_spawn_file_actions_t actions;
+        ::posix_spawn_file_actions_init(&actions);
+        ::posix_spawn_file_actions_addopen(&actions, 1, log_.c_str(), O_WRONLY | O_CREAT | O_APPEND, 0600);
+        ::posix_spawn_file_actions_adddup2(&actions, 1, 2);
+        const int failed = ::posix_spawn(&pid_, program.c_str(), &actions, nullptr, const_cast<char**>(words), environ);
+        ::posix_spawn_file_actions_destroy(&actions);
+        if (failed != 0) give_up(fmt::format("{} cannot be started: {}", program, std::strerror(failed)));
         ::clock_getcpuclockid(pid_, &cpu_);
-        for (int i = 0; i < links; ++i) {
-            auto& reader = readers_.emplace_back();
-            for (int n = 0; n < 1000 && (reader == nullptr || !reader->is_attached()); ++n) {
-                ::usleep(5000);
-                reader = std::make_unique<Reader>(name_, fmt::format("s{}", i));
-            }
-            const auto& link = reader->segment().link(std::uint32_t(i));
-            for (int n = 0; n < 400 && __atomic_load_n(&link.state, __ATOMIC_RELAXED) != TACTILED_LINK_OPEN; ++n)
-                ::usleep(5000);
-        }
+        for (int i = 0; i < links; ++i) await(i);
         ::usleep(300'000);
     }
     ~BenchDaemon() {
@@ -166,7 +168,37 @@ public:
     }
 
 private:
-    std::string name_, folder_;
+    // Waits until the sensor of link `i` has a reader and the link is open.
+    void await(int i) {
+        auto& reader = readers_.emplace_back();
+        for (int n = 0; n < 1000 && (reader == nullptr || !reader->is_attached()); ++n) {
+            ::usleep(5000);
+            int status = 0;
+            if (::waitpid(pid_, &status, WNOHANG) == pid_) {
+                pid_ = 0;
+                give_up(fmt::format("the daemon ended with status {}", WIFEXITED(status) ? WEXITSTATUS(status) : -1));
+            }
+            reader = std::make_unique<Reader>(name_, fmt::format("s{}", i));
+        }
+        if (!reader->is_attached()) give_up(fmt::format("sensor s{} has no segment after 5 s", i));
+        const auto& link = reader->segment().link(std::uint32_t(i));
+        const auto is_open = [&] { return __atomic_load_n(&link.state, __ATOMIC_RELAXED) == TACTILED_LINK_OPEN; };
+        for (int n = 0; n < 400 && !is_open(); ++n) ::usleep(5000);
+        if (!is_open()) give_up(fmt::format("link l{} is not open after 2 s", i));
+    }
+    // Prints the reason and the daemon's log, and ends the program with status 1.
+    [[noreturn]] void give_up(const std::string& reason) {
+        if (pid_ > 0) {
+            ::kill(pid_, SIGTERM);
+            ::waitpid(pid_, nullptr, 0);
+        }
+        std::ifstream log(log_);
+        const std::string text((std::istreambuf_iterator<char>(log)), std::istreambuf_iterator<char>());
+        fmt::print(stderr, "{}. Its log:\n{}", reason, text);
+        std::filesystem::remove_all(folder_);
+        std::exit(1);
+    }
+    std::string name_, folder_, log_;
     std::vector<std::unique_ptr<Wire>> devices_;
     std::vector<std::unique_ptr<Reader>> readers_;
     pid_t pid_ = 0;

@@ -57,7 +57,7 @@ std::vector<std::vector<std::size_t>> random_groups(std::size_t n, std::size_t s
     return groups;
 }
 
-// The kinds of damaged_channels.py, for which the joint domain and parity were made.
+// The kinds of damage for which the joint domain and parity were made.
 std::vector<Kind> designed_for(const Seen& seen) {
     const std::size_t n = seen.rest.size();
     const auto pairs = random_groups(n, 2, 40, 3);

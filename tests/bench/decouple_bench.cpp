@@ -1,32 +1,27 @@
-// Time for accuracy: every method of every model, a sample at a time, on 1,024 readings of a simulated load that
-// moves as a finger does (a step of 1/100 of the range a sample), fitted by the product's own fit or read from config/.
+// Time of a sample: every method of every model on 1,024 readings of a simulated load that moves as a finger does (a step of
+// 1/100 of the range a sample), fitted by the product's own fit or read from config/.
 //
-//   decouple_bench [rounds]                      p50 and p99.9 of a sample, ns; all methods take turns within a round
-//   decouple_bench --allocations                 exit 1 where a method allocates
-//   decouple_bench --only MODEL/METHOD [rounds]  the same of one method
-//   decouple_bench --only MODEL/METHOD --samples N       just N samples, to be counted by `valgrind --tool=none`-like tools:
-//                                                        tests/bench/decouple_instructions.py does so
+//   decouple_bench [--only MODEL/METHOD] [rounds]    ns a sample; all methods and levels take turns within a round
+//   decouple_bench --allocations                     exit 1 where a method allocates
+//   decouple_bench --only MODEL/METHOD --level none|domain|checks|parity --samples N [--plant slow]
+//                                                    just N samples, for decouple_instructions.py; --plant slow: 30 % more
 //
-// A reading is a block of 16 samples; the clock's own 30 ns are spread over them. Not shown: cold caches.
+// Levels: the method alone; with the joint domain of the calibration; with the delay in the sd, too, as the daemon does by
+// default ("checks"); with parity, too, which is on request. A warm reading is a block of 16 samples; the clock's own 30 ns
+// are spread over them. A cold one is one sample after 64 MB were written, which evict the caches; the clock's own time is
+// subtracted.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <malloc.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdlib>
-#include <cstring>
-#include <functional>
 #include <optional>
-#include <random>
 #include <string>
-#include <utility>
 #include <vector>
 
-#include "decoupling/fit/fit.hpp"
-#include "decoupling/fit/labelled.hpp"
-#include "decoupling/latency.hpp"
 #include "tactiled/reader.hpp"
+#include "tests/bench/decouple_cases.hpp"
 
 extern "C" void* __libc_malloc(std::size_t);
 namespace {
@@ -40,199 +35,15 @@ extern "C" void* malloc(std::size_t size) {
 namespace {
 
 using namespace tactiled;
-using Forward = std::function<std::vector<double>(const Wrench&)>;
+using namespace tactiled::testing;
 
-constexpr std::size_t kReadings = 1024, kPerBlock = 16;
-constexpr double kDelay_s = 0.01;
-
-struct Case {
-    std::string name;
-    std::unique_ptr<Decoupler> decoupler;
-    std::vector<std::vector<double>> readings;
-    std::vector<double> ns;               // a sample, a block each
-    std::optional<Latency> latency = {};  // the daemon has one
-};
-
-// fx fy fz of a moving finger within a second. `wanders`: its point moves, too; else there are no moments.
-std::vector<Wrench> finger(std::size_t n, bool wanders = true) {
-    std::vector<Wrench> loads;
-    for (std::size_t i = 0; i < n; ++i) {
-        const double t = double(i) / 100;
-        const double fz = -0.5 - 0.45 * std::sin(t);
-        const double arm_m = wanders ? 3e-4 : 0;
-        loads.push_back({0.25 * std::sin(1.7 * t), 0.25 * std::cos(2.3 * t), fz, arm_m * std::sin(0.7 * t) * fz,
-                         arm_m * std::cos(0.9 * t) * fz, kNaN});
-    }
-    return loads;
-}
-
-// Rows of random loads, as a calibration bench gives them.
-Labelled labelled_rows(const std::vector<std::string>& channels, const Forward& forward, std::size_t n, bool moments,
-                       double noise) {
-    Labelled labelled;
-    labelled.name = "made";
-    labelled.channels = channels;
-    std::mt19937_64 random(1);
-    std::uniform_real_distribution<double> uniform(-1, 1);
-    std::normal_distribution<double> normal(0, noise);
-    for (std::size_t i = 0; i < n; ++i) {
-        Wrench load{0.3 * uniform(random), 0.3 * uniform(random), -0.5 + 0.5 * uniform(random), kNaN, kNaN, kNaN};
-        if (moments) load[3] = 3e-4 * uniform(random) * load[2], load[4] = 3e-4 * uniform(random) * load[2];
-        LabelledRow row{.line = std::int64_t(i) + 2,
-                        .channel = forward(load),
-                        .wrench_S = load,
-                        .session = 0,
-                        .t_ns = (i + 1) * 1'000'000};
-        for (double& channel : row.channel) channel += normal(random);
-        labelled.rows.push_back(row);
-    }
-    return labelled;
-}
-
-std::vector<double> skin(const Wrench& f) {  // 15 nonlinear channels
-    std::vector<double> r;
-    for (int k = 0; k < 15; ++k) {
-        const double s = std::sin(1.0 + k) * f[0] + std::cos(2.0 + 3 * k) * f[1] + std::sin(0.3 * k * k) * f[2];
-        r.push_back(100 * (s + 0.3 * s * s * std::sin(5.0 * k) + 0.1 * std::sin(3 * s + k)));
-    }
-    return r;
-}
-std::vector<double> gauges(const Wrench& f) {  // the documents' sensitivities
-    const double ti = 10847e-6, ni = 19366e-6, to = 8582e-6, arm = 0.531 / 0.725, mx = std::isnan(f[3]) ? 0 : f[3] * 1e3,
-                 my = std::isnan(f[4]) ? 0 : f[4] * 1e3, n = -f[2];
-    return {-ti * (f[0] + arm * my) + ni * n, to * f[0],  -ti * (f[1] - arm * mx) + ni * n, to * f[1],
-            ti * (f[0] + arm * my) + ni * n,  -to * f[0], ti * (f[1] - arm * mx) + ni * n,  -to * f[1]};
-}
-std::vector<double> hairs(const Wrench& f) {
-    const double area = 2.827433388230814e-5, s = 3.74e-7 * -f[2] / area / 20, x = 7.91e-7 * f[0] / area / 20,
-                 y = 7.91e-7 * f[1] / area / 20;
-    return {s - x, s - y, s + x, s + y};
-}
-
-std::vector<double> electrodes(const Wrench& f) {  // C1 C2 C3 C4 Cn, pF: gap and shift, to first order
-    const double u = 1 - 0.1 * f[2], x = 0.3 * f[0], y = 0.3 * f[1];
-    return {0.02 + 0.056 * u * (1 + x), 0.02 + 0.056 * u * (1 - x), 0.02 + 0.056 * u * (1 + y), 0.02 + 0.056 * u * (1 - y),
-            0.03 + 0.104 * u};
-}
-
-Case piezo() {  // the thesis' curves
-    Calibration calibration;
-    calibration.path = "bench";
-    calibration.model = "piezo";
-    calibration.method = "fused";
-    calibration.channels = {"Vp", "Cn"};
-    calibration.zero = {0.0768, 1.3039};
-    calibration.components = {"fz"};
-    calibration.sd = {0.05};
-    calibration.parameters = {{"gain_b", 0.2917},   {"gain_a", 0.0092},       {"normal_b", 0.0405},
-                              {"normal_a", 0.0008}, {"normal_range_N", 10.0}, {"leak_tau_s", 1.0}};
-    Case result{.name = "piezo/fused", .decoupler = make_decoupler(calibration), .readings = {}, .ns = {}};
-    for (const Wrench& load : finger(kReadings))
-        result.readings.push_back({0.0768 - 0.3 * (load[2] + 0.5), 1.3039 - 0.0405 * load[2]});
-    return result;
-}
-
-enum class Checks { none, joint_domain, latency, all };  // latency: and the joint domain
-
-Case fitted(const std::string& model, const std::string& method, const Labelled& rows, const Forward& forward,
-            Checks checks = Checks::all) {
-    FitRequest request;
-    request.model = model;
-    request.method = method;
-    request.parity = true;
-    Case result{.name = model + "/" + method, .decoupler = nullptr, .readings = {}, .ns = {}};
-    Calibration calibration = fit(rows, request).calibration;
-    if (checks == Checks::none) calibration.joint_domain = {};
-    if (checks != Checks::all) calibration.parity = {};
-    result.decoupler = make_decoupler(calibration, method);
-    if (checks == Checks::latency) {
-        Wrench delay_s;
-        delay_s.fill(kDelay_s);
-        result.latency.emplace().set_delay(delay_s);
-    }
-    // Methods that model one contact point cannot follow a moving one: its readings would be doubtful, which is not
-    // the usual case.
-    const bool one_contact = method == "linear" || method == "nonlinear";
-    for (const Wrench& load : finger(kReadings, !one_contact)) result.readings.push_back(forward(load));
-    return result;
-}
-
-// Method map: point contacts whose readings are interpolated between two rings of the influence map itself.
-Case plate() {
-    Problems problems;
-    const Calibration calibration =
-        load_calibration(TACTILED_SOURCE_DIR "/config/calibration/table_influence.toml", problems);
-    problems.throw_if_any();
-    Case result{.name = "table/map", .decoupler = make_decoupler(calibration, "map"), .readings = {}, .ns = {}};
-    const auto& map = calibration.tables.at("influence");
-    const auto loads = finger(kReadings);
-    for (std::size_t i = 0; i < kReadings; ++i) {
-        const double ring = 6 + 3 * std::sin(double(i) / 150);  // ring of 20, each of 48 points after the centre
-        const auto inner = std::size_t(ring);
-        const std::size_t angle = i / 24 % 48;
-        std::vector<double> r;
-        for (std::size_t k = 0; k < 8; ++k) {
-            double sum = 0;
-            for (std::size_t c = 0; c < 3; ++c)
-                sum += 2 * loads[i][c] *
-                       std::lerp(map[1 + 48 * (inner - 1) + angle][2 + 3 * k + c],
-                                 map[1 + 48 * inner + angle][2 + 3 * k + c], ring - double(inner));
-            r.push_back(sum);
-        }
-        result.readings.push_back(r);
-    }
-    return result;
-}
-
-// `only` of them, "" = all; `known`: their names. `skin_n` rows to fit generic: mlp's fit takes a minute with 2,000.
-std::vector<Case> all_cases(const std::string& only, std::size_t skin_n, std::vector<std::string>& known) {
-    std::vector<Case> cases;
-    const std::vector<std::string> r{"R1", "R2", "R3", "R4", "R5", "R6", "R7", "R8"}, h{"H1", "H2", "H3", "H4"};
-    std::vector<std::string> b;
-    for (int k = 1; k <= 15; ++k) b.push_back("B" + std::to_string(k));
-    const std::vector<std::string> e{"C1", "C2", "C3", "C4", "Cn"};
-    const Labelled pad_rows = labelled_rows(e, electrodes, 600, false, 1e-5);
-    const Labelled skin_rows = labelled_rows(b, skin, skin_n, false, 0.5),
-                   hair_rows = labelled_rows(h, hairs, 600, false, 5e-6),
-                   gauge_rows = labelled_rows(r, gauges, 600, false, 2e-5),
-                   moment_rows = labelled_rows(r, gauges, 600, true, 2e-5);
-    const auto wanted = [&](const std::string& name) {
-        known.push_back(name);
-        return only.empty() || only == name;
-    };
-    const auto add = [&](const char* model, const char* method, const Labelled& rows, const Forward& forward) {
-        if (wanted(std::string(model) + "/" + method)) cases.push_back(fitted(model, method, rows, forward));
-    };
-    for (const char* method : {"matrix", "quadratic", "rbf", "mlp"}) add("generic", method, skin_rows, skin);
-    // Methods of 15, 8 and 4 channels without the checks around them: the differences are the costs of the checks.
-    const auto part = [&](const char* name, const char* model, const char* method, const Labelled& rows,
-                          const Forward& forward, Checks checks) {
-        if (!wanted(name)) return;
-        cases.push_back(fitted(model, method, rows, forward, checks));
-        cases.back().name = name;
-    };
-    constexpr std::pair<const char*, Checks> kParts[] = {
-        {"alone/", Checks::none}, {"joint/", Checks::joint_domain}, {"late/", Checks::latency}, {"all/", Checks::all}};
-    for (const auto& [name, checks] : kParts) {
-        part((name + std::string("matrix")).c_str(), "generic", "matrix", skin_rows, skin, checks);
-        part((name + std::string("linear")).c_str(), "table", "linear", gauge_rows, gauges, checks);
-        part((name + std::string("sum_diff")).c_str(), "hair", "sum_diff", hair_rows, hairs, checks);
-    }
-    add("table", "linear", gauge_rows, gauges);
-    add("table", "matrix", moment_rows, gauges);
-    add("table", "nonlinear", gauge_rows, gauges);
-    if (wanted("table/map")) cases.push_back(plate());
-    for (const char* method : {"sum_diff", "matrix", "physics"}) add("hair", method, hair_rows, hairs);
-    for (const char* method : {"quadratic", "ratio", "overlap"}) add("capacitive", method, pad_rows, electrodes);
-    if (wanted("piezo/fused")) cases.push_back(piezo());
-    return cases;
-}
+constexpr std::size_t kPerBlock = 16;
 
 std::uint64_t t_ns = 0;
 double sum = 0;  // keeps the optimiser from removing the loop
-void one(Case& c, std::size_t i) {
-    Estimate e = c.decoupler->decouple({.channel = c.readings[i % kReadings], .t_ns = t_ns += 1'000'000});
-    if (c.latency) c.latency->widen(e.wrench_S, t_ns, e.sd);
+void one(const Case& c, Variant& variant, std::size_t i) {
+    Estimate e = variant.decoupler->decouple({.channel = c.readings[i % kReadings], .t_ns = t_ns += 1'000'000});
+    if (variant.latency) variant.latency->widen(e.wrench_S, t_ns, e.sd);
     sum += e.wrench_S[2];
 }
 
@@ -243,66 +54,134 @@ std::size_t number(const char* text) {
     return *end == 0 && value > 0 ? std::size_t(value) : 0;
 }
 
-}  // namespace
+struct Arguments {
+    std::string only, level = "checks", plant;
+    bool count_allocations = false, good = true;
+    std::size_t samples = 0, rounds = 40;
+};
 
-int main(int argc, char** argv) {
-    std::string only;
-    bool count_allocations = false;
-    std::optional<std::size_t> samples;
-    std::size_t rounds = 40;
+Arguments arguments_of(int argc, char** argv) {
+    Arguments a;
     for (int i = 1; i < argc; ++i) {
-        if (std::strcmp(argv[i], "--allocations") == 0)
-            count_allocations = true;
-        else if (std::strcmp(argv[i], "--only") == 0 && i + 1 < argc)
-            only = argv[++i];
-        else if (std::strcmp(argv[i], "--samples") == 0 && i + 1 < argc)
-            samples = number(argv[++i]);
+        const std::string word = argv[i];
+        const char* const next = i + 1 < argc ? argv[i + 1] : "";
+        if (word == "--allocations")
+            a.count_allocations = true;
+        else if (word == "--only")
+            a.only = next, ++i;
+        else if (word == "--level")
+            a.level = next, ++i;
+        else if (word == "--plant")
+            a.plant = next, ++i;
+        else if (word == "--samples")
+            a.samples = number(next), a.good = a.good && a.samples > 0, ++i;
         else
-            rounds = number(argv[i]);
+            a.rounds = number(argv[i]);
     }
-    if (rounds == 0 || samples == 0u || (samples && (only.empty() || count_allocations))) {
-        fmt::print(stderr,
-                   "decouple_bench [--allocations] [--only MODEL/METHOD] [rounds], or --only MODEL/METHOD --samples N\n");
+    a.good = a.good && a.rounds > 0 && (a.samples == 0 || (!a.only.empty() && !a.count_allocations)) &&
+             (a.plant.empty() || a.plant == "slow") &&
+             std::find(std::begin(kLevelNames), std::end(kLevelNames), a.level) != std::end(kLevelNames);
+    return a;
+}
+
+// Just `samples` of one level, 30 % more with the planted slow-down.
+int run_samples(Case& c, const Arguments& a) {
+    const auto level = std::size_t(std::find(std::begin(kLevelNames), std::end(kLevelNames), a.level) - kLevelNames);
+    if (!c.level[level]) {
+        fmt::print(stderr, "decouple_bench: {} has no level {}\n", c.name, a.level);
         return 2;
     }
-    std::vector<std::string> known;
-    std::vector<Case> cases = all_cases(only, count_allocations ? 600 : 2000, known);
-    if (cases.empty()) {
-        fmt::print(stderr, "decouple_bench: no method {}; there are {}\n", only, fmt::join(known, " "));
-        return 2;
+    for (std::size_t i = 0; i < a.samples; ++i) {
+        one(c, *c.level[level], i);
+        if (!a.plant.empty() && i % 10 < 3) one(c, *c.level[level], i);
     }
-    if (samples) {
-        for (std::size_t i = 0; i < *samples; ++i) one(cases[0], i);
-        return sum == 1 ? 1 : 0;
-    }
+    return sum == 1 ? 1 : 0;
+}
+
+int check_allocations(std::vector<Case>& cases) {
     int failed = 0;
     if (allocations == 0) failed = 1, fmt::print("the allocations are not counted\n");  // the fits made many
-    for (Case& c : cases) {
-        const std::uint64_t before = allocations;
-        for (std::size_t i = 0; i < 4 * kReadings; ++i) one(c, i);
-        if (allocations != before) {
+    for (Case& c : cases)
+        for (auto& variant : c.level) {
+            const std::uint64_t before = allocations;
+            for (std::size_t i = 0; variant && i < 4 * kReadings; ++i) one(c, *variant, i);
+            if (allocations == before) continue;
             fmt::print("{}: {} allocations in {} samples\n", c.name, allocations - before, 4 * kReadings);
             failed = 1;
         }
+    return failed;
+}
+
+void measure(std::vector<Case>& cases, std::size_t rounds) {
+    std::vector<char> other(64 << 20);
+    std::vector<double> clock_ns;
+    const auto cold = [&](Case& c, Variant& variant, std::size_t i) {
+        for (std::size_t k = 0; k < other.size(); k += 64) ++other[k];
+        const std::uint64_t begun = monotonic_ns();
+        one(c, variant, i);
+        const std::uint64_t ended = monotonic_ns();
+        variant.cold_ns.push_back(double(ended - begun));
+        clock_ns.push_back(double(monotonic_ns() - ended));
+    };
+    const auto warm = [&](Case& c, Variant& variant) {
+        for (std::size_t i = 0; i < kReadings; i += kPerBlock) {
+            const std::uint64_t begun = monotonic_ns();
+            for (std::size_t k = 0; k < kPerBlock; ++k) one(c, variant, i + k);
+            variant.warm_ns.push_back(double(monotonic_ns() - begun) / double(kPerBlock));
+        }
+    };
+    for (std::size_t round = 0; round < rounds; ++round)
+        for (Case& c : cases)
+            for (auto& variant : c.level) {
+                if (!variant) continue;
+                warm(c, *variant);
+                if (&variant == &c.level[kChecks])
+                    for (std::size_t i = 0; i < 8; ++i) cold(c, *variant, round * 8 + i);
+            }
+    std::sort(clock_ns.begin(), clock_ns.end());
+    for (Case& c : cases)
+        for (double& ns : c.level[kChecks]->cold_ns) ns = std::max(0., ns - clock_ns[clock_ns.size() / 2]);
+}
+
+void print(std::vector<Case>& cases) {
+    const auto at = [](std::optional<Variant>& variant, auto member, double share) -> std::string {
+        if (!variant) return "-";
+        std::vector<double>& ns = *variant.*member;
+        std::sort(ns.begin(), ns.end());
+        return fmt::format("{:.0f}", ns[std::size_t(share * double(ns.size() - 1))]);
+    };
+    fmt::print("{:20}{:>8}{:>8}{:>8}{:>8}{:>8}{:>8}{:>8}   ns a sample; p99 to cold with checks\n", "", "alone", "domain",
+               "checks", "parity", "p99", "p99.9", "cold");
+    for (Case& c : cases)
+        fmt::print("{:20}{:>8}{:>8}{:>8}{:>8}{:>8}{:>8}{:>8}\n", c.name, at(c.level[kNone], &Variant::warm_ns, .5),
+                   at(c.level[kDomain], &Variant::warm_ns, .5), at(c.level[kChecks], &Variant::warm_ns, .5),
+                   at(c.level[kParity], &Variant::warm_ns, .5), at(c.level[kChecks], &Variant::warm_ns, .99),
+                   at(c.level[kChecks], &Variant::warm_ns, .999), at(c.level[kChecks], &Variant::cold_ns, .5));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    const Arguments a = arguments_of(argc, argv);
+    if (!a.good) {
+        fmt::print(stderr,
+                   "decouple_bench [--allocations] [--only MODEL/METHOD] [rounds], or --only MODEL/METHOD --level LEVEL "
+                   "--samples N [--plant slow]\n");
+        return 2;
     }
-    if (count_allocations) {
+    std::vector<std::string> known;
+    std::vector<Case> cases = all_cases(a.only, a.count_allocations ? 600 : 2000, known);
+    if (cases.empty()) {
+        fmt::print(stderr, "decouple_bench: no method {}; there are {}\n", a.only, fmt::join(known, " "));
+        return 2;
+    }
+    if (a.samples > 0) return run_samples(cases[0], a);
+    const int failed = check_allocations(cases);
+    if (a.count_allocations) {
         if (failed == 0) fmt::print("{} methods, {} samples each: no allocation\n", cases.size(), 4 * kReadings);
         return failed;
     }
-    for (std::size_t round = 0; round < rounds; ++round)
-        for (Case& c : cases)
-            for (std::size_t i = 0; i < kReadings; i += kPerBlock) {
-                const std::uint64_t begun = monotonic_ns();
-                for (std::size_t k = 0; k < kPerBlock; ++k) one(c, i + k);
-                c.ns.push_back(double(monotonic_ns() - begun) / double(kPerBlock));
-            }
-    fmt::print("{:20} {:>10} {:>10} {:>10} {:>10}   ns a sample\n", "", "mean", "p50", "p99", "p99.9");
-    for (Case& c : cases) {
-        std::sort(c.ns.begin(), c.ns.end());
-        double mean = 0;
-        for (const double ns : c.ns) mean += ns / double(c.ns.size());
-        const auto at = [&](double share) { return c.ns[std::size_t(share * double(c.ns.size() - 1))]; };
-        fmt::print("{:20} {:10.1f} {:10.1f} {:10.1f} {:10.1f}\n", c.name, mean, at(.5), at(.99), at(.999));
-    }
-    return sum == 1 ? 1 : 0;
+    measure(cases, a.rounds);
+    print(cases);
+    return sum == 1 ? 1 : failed;
 }

@@ -1,38 +1,49 @@
 #!/usr/bin/env python3
 """Instructions a sample of every decoupling method but mlp (whose fit takes an hour under valgrind), counted by cachegrind: two runs of
-different length, the difference divided.
+different length, the difference divided. Levels: decouple_bench.
 
-    decouple_instructions.py [path of decouple_bench]             the methods
-    decouple_instructions.py --checks [path of decouple_bench]    the checks around a method: joint domain, latency, parity
+    decouple_instructions.py [--only MODEL/METHOD] [--levels none,checks,parity] [--plant slow] [--bench path of decouple_bench]
 """
+import argparse
+import concurrent.futures
+import os
 import pathlib
 import re
 import subprocess
-import sys
 
-CHECKS = "--checks" in sys.argv[1:]
-PATHS = [word for word in sys.argv[1:] if word != "--checks"]
-BENCH = pathlib.Path(PATHS[0] if PATHS else "build/release/bin/decouple_bench").resolve()
 METHODS = ("generic/matrix generic/quadratic generic/rbf table/linear table/matrix table/nonlinear table/map hair/sum_diff "
            "hair/matrix hair/physics capacitive/quadratic capacitive/ratio capacitive/overlap piezo/fused").split()
 SHORT, LONG = 1024, 3072
 
 
-def instructions(method, samples):
-    out = subprocess.run(["valgrind", "--tool=cachegrind", "--cachegrind-out-file=/dev/null", "--cache-sim=no", str(BENCH), "--only", method,
-                          "--samples", str(samples)], capture_output=True, text=True, check=True).stderr
-    return int(re.search(r"I\s+refs:\s+([\d,]+)", out).group(1).replace(",", ""))
+def instructions(bench, method, level, samples, plant):
+    words = ["valgrind", "--tool=cachegrind", "--cachegrind-out-file=/dev/null", "--cache-sim=no", bench, "--only", method, "--level", level,
+             "--samples", str(samples), *(["--plant", plant] if plant else [])]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    found = re.search(r"I\s+refs:\s+([\d,]+)", done.stderr)
+    return int(found.group(1).replace(",", "")) if found and done.returncode == 0 else None
 
 
-def a_sample(method):
-    return (instructions(method, LONG) - instructions(method, SHORT)) / (LONG - SHORT)
+def a_sample(bench, method, level, plant=""):
+    """The count, or None if the method lacks the level."""
+    counts = [instructions(bench, method, level, samples, plant) for samples in (SHORT, LONG)]
+    return None if None in counts else (counts[1] - counts[0]) / (LONG - SHORT)
 
 
-if CHECKS:
-    for method, channels in (("sum_diff", 4), ("linear", 8), ("matrix", 15)):
-        alone, joint, late, every = (a_sample(f"{which}/{method}") for which in ("alone", "joint", "late", "all"))
-        print(f"{channels:2} channels: alone {alone:.0f}, joint domain {joint - alone:.0f}, latency {late - joint:.0f}, "
-              f"parity {every - joint:.0f} instructions a sample", flush=True)
-else:
-    for name in METHODS:
-        print(f"{name:20} {a_sample(name):10.0f} instructions a sample", flush=True)
+def main():
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments.add_argument("--only", default=",".join(METHODS))
+    arguments.add_argument("--levels", default="none,checks,parity")
+    arguments.add_argument("--plant", default="")
+    arguments.add_argument("--bench", default="build/release/bin/decouple_bench")
+    asked = arguments.parse_args()
+    bench = pathlib.Path(asked.bench).resolve()
+    pairs = [(method, level) for method in asked.only.split(",") for level in asked.levels.split(",")]
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:  # counts do not depend on other work
+        for (method, level), count in zip(pairs, pool.map(lambda pair: a_sample(bench, *pair, asked.plant), pairs)):
+            if count is not None:
+                print(f"{method} {level:8} {count:10.0f} instructions a sample", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -202,5 +202,8 @@ int main(int argc, char** argv) {
     print_quantiles("tactiled: write() to seen", seen.latency_us);
     print_quantiles("tactiled: write() to published", seen.published_us);
     fmt::print("daemon, devices sending: {:.1f} % of one CPU\n", 100 * cpu_s / o.seconds);
+    if (missing > 0)
+        fmt::print(stderr, "latency_bench: {} frames were not seen GOOD; {} were not GOOD when the reader got time to run\n",
+                   missing, seen.not_good);
     return seen.wrong + seen.out_of_order + missing == 0 ? 0 : 1;
 }

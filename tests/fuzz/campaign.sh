@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # campaign.sh [SECONDS [TARGET...]]: builds the fuzz targets, gives each SECONDS (10) beside the corpus of the runs before, has it look
-# for the bugs of targets.toml, and prints the table of tests/bench/RESULTS.md. Needs clang-14, libclang-rt-14-dev, llvm-14.
+# for the bugs of targets.toml, and prints a table. Needs clang-14, libclang-rt-14-dev, llvm-14.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 seconds=${1:-10}; shift || true

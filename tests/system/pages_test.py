@@ -71,7 +71,7 @@ class Sessions(Fresh):
         elif os.geteuid() == 0:
             print(f"as root alone: no other user can reach {BIN}", flush=True)
         sessions = [(page, uid, self.fresh(uid)) for uid in users for page in chosen]
-        with concurrent.futures.ThreadPoolExecutor(4 if OWN_NETWORK else 1) as pool:
+        with concurrent.futures.ThreadPoolExecutor(3 if OWN_NETWORK else 1) as pool:
             found = pool.map(lambda each: faults(each[0], (ROOT / each[0]).read_text(), *each[2]), sessions)
             for (page, uid, _), errors in zip(sessions, found):
                 with self.subTest(page=page, uid=uid):

@@ -171,8 +171,8 @@ TEST_F(Slave, ALateAnswerToAProbeDoesNotAnswerANewerOne) {
 
 TEST_F(Slave, ALateAnswerToASetOfOtherRegistersIsNotTakenEither) {
     open_pty("timeout_ms = 200", "[[slave]]\nrate_Hz = 10\n" + kValues +
-                                    "\n[[slave]]\ndevice = 1\nrate_Hz = 10\n"
-                                    "registers = [{name = \"a\", at = 20}, {name = \"b\", at = 21}]");
+                                     "\n[[slave]]\ndevice = 1\nrate_Hz = 10\n"
+                                     "registers = [{name = \"a\", at = 20}, {name = \"b\", at = 21}]");
     request();
     send(one(0));
     EXPECT_EQ(request(), ask(10, 2));

@@ -4,8 +4,8 @@
 #include "node/setup.hpp"
 #include "tactiled/reader.hpp"
 #include "tests/unit/config/folder.hpp"
-#include "tests/unit/shm/segment_fixture.hpp"
 #include "tests/unit/node/unit_calibration.hpp"
+#include "tests/unit/shm/segment_fixture.hpp"
 
 namespace tactiled {
 namespace {
