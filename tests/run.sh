@@ -21,7 +21,7 @@ build release system_tests
 # take the rest of the processor.
 stage "build the unit tests beside the programs' tests"
 aside 'build release computing_tests
-    tests computing release -LE "system|unit" -j "$jobs"
+    tests computing release -LE "system|unit|figures" -j "$jobs"
     build release shipped_unit_tests
     build asan address_unit_tests
     build tsan thread_unit_tests'
