@@ -3,11 +3,11 @@
 # missing. If all are installed, it needs neither network nor root.
 set -euo pipefail
 
-build=(g++ cmake ninja-build pkg-config ccache mold libmodbus-dev libgpiod-dev libsystemd-dev libfmt-dev libcli11-dev libtomlplusplus-dev
+build=(g++ cmake ninja-build pkg-config ccache libmodbus-dev libgpiod-dev libsystemd-dev libfmt-dev libcli11-dev libtomlplusplus-dev
     libeigen3-dev libceres-dev nlohmann-json3-dev libboost-dev liblz4-dev libzstd-dev libmicrohttpd-dev)
 bridges=(libmosquitto-dev cyclonedds-dev cyclonedds-tools)
 demo=(mbpoll python3)
-tests=(libgtest-dev librapidcheck-dev mbpoll python3 python3-pymodbus python3-serial-asyncio procps strace
+tests=(git mold libgtest-dev librapidcheck-dev mbpoll python3 python3-pymodbus python3-serial-asyncio procps strace
     socat nmap tshark python3-jsonschema python3-prometheus-client
     python3-lz4 python3-zstandard hunspell hunspell-en-us hunspell-en-gb mosquitto mosquitto-clients openssl)
 browser=(chromium chromium-driver python3-selenium)

@@ -19,7 +19,7 @@ for script in reload save daemon modbus_rtu modbus_hostile auto teach record; do
 run faults/memory NoMemory.test_a_reload_changes_all_or_nothing  # not a start: libgcov itself ends badly without memory
 gcov=$PWD/tests/gcov_as_written.py
 [ -z "${PLAIN:-}" ] || gcov=gcov
-gcovr build/coverage/{config,drivers/CMakeFiles/drivers.dir,node/CMakeFiles/node_core.dir} --root . --object-directory build/coverage --gcov-executable "$gcov" --gcov-ignore-parse-errors --exclude-throw-branches --exclude-unreachable-branches --branches --sort-uncovered \
+gcovr build/coverage/{config,drivers/CMakeFiles/drivers.dir,node/CMakeFiles/node_core.dir,node/CMakeFiles/interfaces.dir} --root . --object-directory build/coverage --gcov-executable "$gcov" --gcov-ignore-parse-errors --exclude-throw-branches --exclude-unreachable-branches --branches --sort-uncovered \
     --exclude-branches-by-pattern ".*assert\(.*" \
     --filter 'config/(options|config|calibration|problems|network_address|text_file|grasp|gpio)\.cpp' --filter 'drivers/wire/.*' \
     --filter 'node/(quality|objects|method_costs|reload)\.cpp' --filter 'node/modbus/(responder|connection|controls|controls_write|rtu|allow_list|teaching)\.cpp' "$@"

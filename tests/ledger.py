@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Lists the tests that failed in runs of tests/run.sh; tests/failed.tsv has them.
 
-    ledger.py failed OUTPUT COMMIT LOAD   a line for each failed test of a JUnit file of CTest: date, commit, test, load
-    ledger.py count OUTPUT...             how many programs and cases passed, failed and were skipped
-    ledger.py check                       fails for a test that is listed twice without a change of its code in between
+    ledger.py failed FILE COMMIT LOAD OTHERWISE    a line for each failed test of a JUnit file of CTest: date, commit, test, load;
+                                                   without one, a line with OTHERWISE as the test
+    ledger.py count FILE...    how many programs and cases passed, failed and were skipped
+    ledger.py check            fails for a test that is listed twice without a change of its code in between
 """
 import datetime
 import pathlib
@@ -33,12 +34,11 @@ def programs(path):
         yield test.get("name"), status, message, sorted(cases), ran
 
 
-def failed(output, commit, load):
+def failed(output, commit, load, otherwise):
     now = datetime.datetime.now(datetime.timezone.utc).strftime("%F")
-    for name, status, message, cases, _ in programs(output):
-        if status == "fail":
-            for case in cases or [message or "failed"]:
-                print(now, commit, f"{name}:{case}", load, sep="\t")
+    found = [f"{name}:{case}" for name, status, message, cases, _ in programs(output) if status == "fail" for case in cases or [message or "failed"]]
+    for test in found or [otherwise]:
+        print(now, commit, test, load, sep="\t")
 
 
 def count(outputs):
@@ -49,7 +49,7 @@ def count(outputs):
 
 def code_of(test):
     """Returns the files of a listed test: "system.web_test:test_x" or "drivers.1of4:Suite.Name"."""
-    program, case = test.split(":")
+    program, case = test.split(":", 1)
     folder, _, rest = program.partition(".")
     if folder == "system" and (ROOT / f"tests/system/{rest}.py").exists():
         return [f"tests/system/{rest}.py"]
@@ -64,6 +64,7 @@ def check(lines, changed):
     for line in lines:
         _, commit, test, _ = line.split("\t")
         test = re.sub(r"\.\d+of\d+:", ".1of1:", test)  # the number of parts may have changed
+        commit = commit.removesuffix("+changes")
         if test in last and not changed(last[test], commit, code_of(test)):
             errors.append(f"{test} failed at {last[test]} and at {commit}, and its code is the same: repair or remove it")
         last[test] = commit
@@ -76,7 +77,7 @@ def changed_in_git(before, after, files):
 
 
 def main():
-    if sys.argv[1:2] == ["failed"] and len(sys.argv) == 5:
+    if sys.argv[1:2] == ["failed"] and len(sys.argv) == 6:
         failed(*sys.argv[2:])
     elif sys.argv[1:2] == ["count"]:
         count(sys.argv[2:])

@@ -29,9 +29,13 @@ class Ledger(unittest.TestCase):
             return said.getvalue()
 
     def test_each_failed_case_is_a_line(self):
-        lines = self.said_of(ledger.failed, "abc", "9 8 7").splitlines()
+        lines = self.said_of(ledger.failed, "abc", "9 8 7", "drivers: ctest ended with 8").splitlines()
         self.assertEqual([line.split("\t")[1:] for line in lines],
                          [["abc", "drivers.1of4:Uart.ReadsALine", "9 8 7"], ["abc", "system.web_test:test_a_page", "9 8 7"], ["abc", "system.kill:timeout", "9 8 7"]])
+
+    def test_a_run_without_tests_is_a_line(self):
+        line = self.said_of(lambda path: path.write_text("<testsuite/>") and ledger.failed(path, "abc", "1", "drivers: ctest ended with 8"))
+        self.assertEqual(line.split("\t")[1:3], ["abc", "drivers: ctest ended with 8"])
 
     def test_programs_and_cases_are_counted(self):
         self.assertEqual(self.said_of(lambda path: ledger.count([path])), "1 passed, 3 failed, 0 skipped; 141 cases of GoogleTest and unittest\n")

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# quick.sh: checks the files that changed, in at most 90 s for one changed .cpp file and a warm build. tests/run.sh tests everything.
+# quick.sh: checks the files that changed, in at most 90 s for one changed .cpp file and a warm build. tests/run.sh is the ordinary run.
 #   tests/quick.sh [BASE]      against the commit BASE; without it, against the merge base with origin/main, or HEAD~1 if that is
 #                              HEAD itself. Uncommitted and untracked files are included.
 #   tests/quick.sh --install   writes a git hook that runs it before each push; git push --no-verify omits it once
@@ -131,7 +131,7 @@ unit() { # PROGRAM: in parts, because most of the tests wait
 }
 if [ ${#code[@]} -gt 0 ]; then
     before=$failed
-    check configure "$build" cmake -S . -B "$build" --preset release -DTACTILED_TESTS=ON
+    check configure "$build" cmake -S . -B "$build" --preset release -DTACTILED_TESTS=ON -DTACTILED_WERROR=ON
     mapfile -t units < <(programs)
     [ "$failed" != "$before" ] || check build "${units[*]} and the changed files" build_targets "${units[@]}"
     if [ "$failed" = "$before" ]; then

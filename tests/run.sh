@@ -13,7 +13,7 @@ stage packages
 [ "$(id -u)" = 0 ] || [ -n "${XDG_RUNTIME_DIR:-}" ] || { mkdir -p build; export TACTILED_RUNTIME_DIR=$PWD/build/run; }
 
 stage "build the programs"
-for preset in release asan tsan; do cmake --preset "$preset" -DTACTILED_TESTS=ON -DTACTILED_WERROR=ON >/dev/null; done
+for preset in release asan tsan; do cmake --preset "$preset" -DTACTILED_TESTS=ON -DTACTILED_WERROR=ON -DTACTILED_MOLD=ON >/dev/null; done
 build() { cmake --build --preset "$1" -j "$jobs" --target "$2"; }
 build release system_tests
 

@@ -1,6 +1,8 @@
 # shellcheck shell=bash
 # Functions of run.sh: stages with their durations, work beside the tests of programs, results.
 mkdir -p build
+exec 9>build/run.lock
+flock -n 9 || { echo "run.sh: another run works in this folder" >&2; exit 1; }
 rm -f build/last-run build/failed-tests build/*-tests.xml
 commit=$(git rev-parse HEAD 2>/dev/null || echo unknown)
 [ -z "$(git status --porcelain 2>/dev/null)" ] || commit+=+changes
@@ -32,7 +34,9 @@ aside() { # COMMANDS
 wait_for_aside() {
     local status=0 pid
     [ -n "$beside" ] || return 0
-    for pid in $(pgrep -s "$beside"); do chrt --other -p 0 "$pid" 2>/dev/null || true; done  # the tests of programs have ended
+    for _ in 1 2 3; do  # the tests of programs have ended; several times, because a process may start another one meanwhile
+        for pid in $(pgrep -s "$beside"); do chrt --all-tasks --other -p 0 "$pid" 2>/dev/null || true; done
+    done
     wait "$beside" || status=$?
     beside=''
     cat build/beside.log
@@ -46,14 +50,15 @@ end() {
 trap end EXIT
 
 tests() { # NAME PRESET CTEST_OPTION...: once; what fails is kept with the commit and the load
-    local results=$PWD/build/$1-tests.xml preset=$2 status=0; shift 2
-    ctest --test-dir "build/$preset" --no-tests=error --output-on-failure --output-junit "$results" --test-output-size-passed 1000000 "$@" ||
+    local results=$PWD/build/$1-tests.xml status=0
+    ctest --test-dir "build/$2" --no-tests=error --output-on-failure --output-junit "$results" --test-output-size-passed 1000000 "${@:3}" ||
         status=$?
-    [ $status = 0 ] || tests/ledger.py failed "$results" "$commit" "$(load)" >>build/failed-tests
+    [ $status = 0 ] || tests/ledger.py failed "$results" "$commit" "$(load)" "$1: ctest ended with $status" | tee -a tests/failed.tsv >>build/failed-tests
 }
 
 finish() { # [aborted]: prints and writes the result, and exits
     stage end
+    times >build/times  # here and not in a pipe: a subshell has times of its own
     result=passed
     [ ! -s build/failed-tests ] || result=failed
     [ "${1:-}" != aborted ] || result=aborted
@@ -62,11 +67,11 @@ finish() { # [aborted]: prints and writes the result, and exits
         echo "result $result"
         echo "began $began, load $load_at_begin; ended $(date -u +%FT%TZ), load $(load)"
         echo "tests $(find build -maxdepth 1 -name "*-tests.xml" | sort | xargs -r tests/ledger.py count)"
-        echo "processor time $(times | tail -n 1)"
+        echo "processor time $(tail -n 1 build/times)"
         printf '%s\n' "${durations[@]}"
     } | tee build/last-run
     if [ -s build/failed-tests ]; then
-        echo "These tests failed. Add the lines to tests/failed.tsv; tests/README.md says what follows:"
+        echo "These tests failed. tests/failed.tsv has them now; commit it. tests/README.md says what follows:"
         cat build/failed-tests
     fi
     [ $result = passed ] || exit 1

@@ -93,8 +93,9 @@ std::vector<std::string> Command::verbs() const {
 }
 
 Program::Program(const std::string& description, const std::string& name)
-    : Command(std::make_unique<CLI::App>(description, name).release()) {}
-Program::~Program() { delete &app(); }
+    : Program(std::make_unique<CLI::App>(description, name)) {}
+Program::Program(std::unique_ptr<CLI::App> app) : Command(app.get()), owned_(std::move(app)) {}
+Program::~Program() = default;
 
 void refuse_missing(const std::string& option) { throw CLI::RequiredError(option); }
 void refuse(const std::string& why) { throw CLI::ValidationError(why); }

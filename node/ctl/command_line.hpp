@@ -1,8 +1,9 @@
-// The options of a program or verb. CLI11 is compiled once, in command_line.cpp, and not in each of the files that define
-// options, where it takes 4 s of a processor.
+// The options of a program or verb. CLI11 is compiled once, in command_line.cpp: in each of the files that define options it
+// takes 4 s of a processor.
 #pragma once
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -71,6 +72,10 @@ public:
     ~Program();
     Program(const Program&) = delete;
     Program& operator=(const Program&) = delete;
+
+private:
+    explicit Program(std::unique_ptr<CLI::App> app);
+    std::unique_ptr<CLI::App> owned_;
 };
 
 // For callbacks: the command line is wrong. They throw what run_program() prints, with exit status kUsage.

@@ -5,7 +5,6 @@
 #include <csignal>
 #include <cstdint>
 #include <functional>
-#include <span>
 #include <string>
 
 namespace tactiled::ctl {

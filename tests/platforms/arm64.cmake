@@ -1,4 +1,4 @@
-# Cross-builds for arm64 with Debian's compiler; what is built runs here through qemu-user, as gtest_discover_tests needs.
+# Cross-builds for arm64 with Debian's compiler; what is built runs here through qemu-user.
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)
 set(CMAKE_C_COMPILER aarch64-linux-gnu-gcc)

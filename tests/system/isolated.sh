@@ -8,7 +8,7 @@ if [ "${1:-}" = inside ]; then
     mount -t devpts -o newinstance,ptmxmode=0666,mode=0620,gid=5 devpts /dev/pts
     exec "$@"
 fi
-if [ "$(id -u)" = 0 ] && unshare --mount --net "$0" inside true 2>/dev/null; then
+if [ "$(id -u)" = 0 ] && unshare --mount --net "$0" inside sh -c 'exec 3<>/dev/ptmx' 2>/dev/null; then
     exec unshare --mount --net "$0" inside "$@"
 fi
 exec "$@"

@@ -1,8 +1,8 @@
 // The bridges' reader of all sensors, and their common parts.
 #include "node/bridges/follower.hpp"
 
-#include "../node/segment_fixture.hpp"
 #include "node/bridges/bridge.hpp"
+#include "tests/unit/shm/segment_fixture.hpp"
 
 namespace tactiled::bridges {
 namespace {
