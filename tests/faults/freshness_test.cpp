@@ -17,11 +17,11 @@ double number(const char* name, double otherwise) {
 
 // ---- no false alarm ------------------------------------------------------------------------------------------------------
 
-TEST(Freshness, TenHoursOfDriftJitterPollsAndTemperatureAreNoLag) {
+TEST(Freshness, HoursOfDriftJitterPollsAndTemperatureAreNoLag) {
     for (const bool clock : {true, false})
         for (const double ppm : {100.0, -100.0, 30.0}) {
             FreshnessRun run({.clock = clock, .ppm = ppm, .temperature_ppm = 20}, std::uint64_t(number("SEED", 1)));
-            run.run_s(3600 * number("HOURS", 10));
+            run.run_s(3600 * number("HOURS", 4));
             fmt::print("{} {:+} ppm: {} frames, {} not GOOD\n", clock ? "clock" : "sequence", ppm, run.tally.frames,
                        run.tally.frames - run.tally.good);
             EXPECT_EQ(run.tally.good, run.tally.frames);

@@ -93,7 +93,10 @@ class Server:
         if self.client is None:
             self.client, _ = self.listener.accept()
             return b""
-        data = self.client.recv(512)
+        try:
+            data = self.client.recv(512)
+        except ConnectionResetError:  # the daemon closed it while an answer was on its way
+            data = b""
         if not data:
             self.hang_up()
         return data
