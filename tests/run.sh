@@ -9,6 +9,7 @@ jobs=${TESTS_JOBS:-$(nproc)}
 
 stage packages
 ./node/install-packages.sh build bridges tests kernel
+look_up_commit
 # Root has /run/tactiled and a session $XDG_RUNTIME_DIR; where there is neither, a folder that only this user can write to.
 [ "$(id -u)" = 0 ] || [ -n "${XDG_RUNTIME_DIR:-}" ] || { mkdir -p build; export TACTILED_RUNTIME_DIR=$PWD/build/run; }
 

@@ -4,8 +4,11 @@ mkdir -p build
 exec 9>build/run.lock
 flock -n 9 || { echo "run.sh: another run works in this folder" >&2; exit 1; }
 rm -f build/last-run build/failed-tests build/*-tests.xml
-commit=$(git rev-parse HEAD 2>/dev/null || echo unknown)
-[ -z "$(git status --porcelain 2>/dev/null)" ] || commit+=+changes
+commit=unknown
+look_up_commit() { # once git is installed
+    commit=$(git rev-parse HEAD || echo unknown)
+    [ -z "$(git status --porcelain)" ] || commit+=+changes
+}
 load() { cut -d' ' -f1-3 /proc/loadavg; }
 began=$(date -u +%FT%TZ) load_at_begin=$(load) durations=() stage_began=0 stage_name='' beside='' result=''
 
