@@ -157,7 +157,7 @@ bool StreamQuality::has_discontinuity(bool connected, std::uint64_t now_ns) noex
     return true;
 }
 
-bool ZeroDrift::has_drifted(const double (&raw_force_S_N)[3], bool at_rest, std::uint64_t t_ns) noexcept {
+bool ZeroDriftCheck::has_drifted(const double (&raw_force_S_N)[3], bool at_rest, std::uint64_t t_ns) noexcept {
     if (limit_N_ <= 0) return false;
     if (!at_rest) {
         since_ns_ = 0;

@@ -115,9 +115,9 @@ private:
 
 // Checks if the zero at rest has drifted from the calibration's, by a mean of the raw force over about a second
 // without contact. The result stays true until a mean at rest is within the limit.
-class ZeroDrift {
+class ZeroDriftCheck {
 public:
-    explicit ZeroDrift(double limit_N) : limit_N_(limit_N) {}
+    explicit ZeroDriftCheck(double limit_N) : limit_N_(limit_N) {}
     // rt: wait-free
     void judge_by(double limit_N) noexcept { limit_N_ = limit_N; }
     // rt: wait-free

@@ -196,7 +196,7 @@ private:
     Setup setup_;
     SensorSettable requested_, in_force_;
     StreamQuality stream_;
-    ZeroDrift drift_;
+    ZeroDriftCheck drift_;
     Agreement agreement_;
     Zero zero_;
     std::size_t method_ = 0;  // method "auto": method of zero_S() and low_pass_; else 0

@@ -10,7 +10,7 @@ look_up_commit() { # once git is installed
     [ -z "$(git status --porcelain)" ] || commit+=+changes
 }
 load() { cut -d' ' -f1-3 /proc/loadavg; }
-began=$(date -u +%FT%TZ) load_at_begin=$(load) durations=() stage_began=0 stage_name='' beside='' result=''
+began=$(date -u +%FT%TZ) load_at_begin=$(load) durations=() stage_began=0 stage_name='' beside='' running='' result='' own_session=setsid
 
 stage() { # NAME: ends the stage before
     [ -z "$stage_name" ] || durations+=("$((SECONDS - stage_began)) s $stage_name")
@@ -21,8 +21,12 @@ stage() { # NAME: ends the stage before
 # Runs commands that take only what the tests of programs leave of the processor: a task of SCHED_IDLE gives way whenever another
 # one wakes up. This holds among tasks of one group. Linux makes each session a group (autogroup), in which a compiler delays the
 # kernel thread that carries the bytes of a pseudo terminal by up to 200 ms. Root therefore turns autogroup off for this run. Without
-# that right the commands run first, alone.
+# that right the commands run first, alone. One run at a time has the machine, because both would set autogroup.
 autogroup=/proc/sys/kernel/sched_autogroup_enabled
+if [ -w $autogroup ]; then
+    exec 8<$autogroup
+    flock -n 8 || { echo "run.sh: waits for another run on this machine"; flock 8; }
+fi
 autogroup_before=$(cat $autogroup 2>/dev/null || echo 0)
 aside() { # COMMANDS
     export -f build tests load
@@ -35,27 +39,40 @@ aside() { # COMMANDS
     beside=$!
 }
 wait_for_aside() {
-    local status=0 pid
+    local pid
     [ -n "$beside" ] || return 0
     for _ in 1 2 3; do  # the tests of programs have ended; several times, because a process may start another one meanwhile
         for pid in $(pgrep -s "$beside"); do chrt --all-tasks --other -p 0 "$pid" 2>/dev/null || true; done
     done
+    aside_ended
+}
+aside_ended() {
+    local status=0
     wait "$beside" || status=$?
     beside=''
     cat build/beside.log
     [ $status = 0 ] || { echo "run.sh: a build failed" >&2; exit 1; }
 }
 end() {
-    [ -z "$beside" ] || kill -- "-$beside" 2>/dev/null || true
+    local session
+    for session in $beside $running; do kill -- "-$session" 2>/dev/null || true; done
     [ "$autogroup_before" = 0 ] || { echo "$autogroup_before" >$autogroup; } 2>/dev/null || true
     [ -n "$result" ] || finish aborted
 }
 trap end EXIT
+trap 'exit 143' TERM INT HUP
 
 tests() { # NAME PRESET CTEST_OPTION...: once; what fails is kept with the commit and the load
     local results=$PWD/build/$1-tests.xml status=0
-    ctest --test-dir "build/$2" --no-tests=error --output-on-failure --output-junit "$results" --test-output-size-passed 1000000 "${@:3}" ||
-        status=$?
+    ${own_session:-} ctest --test-dir "build/$2" --no-tests=error --output-on-failure --output-junit "$results" \
+        --test-output-size-passed 1000000 "${@:3}" &
+    running=$!
+    if [ -n "${beside:-}" ]; then  # a build that fails ends the run at once
+        wait -n $running "$beside" || true
+        kill -0 "$beside" 2>/dev/null || aside_ended
+    fi
+    wait $running || status=$?
+    running=''
     [ $status = 0 ] || tests/ledger.py failed "$results" "$commit" "$(load)" "$1: ctest ended with $status" | tee -a tests/failed.tsv >>build/failed-tests
 }
 

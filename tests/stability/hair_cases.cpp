@@ -12,10 +12,10 @@
 namespace tactiled::stability {
 namespace {
 
-constexpr double kArea_m2 = 2.827e-5, kNormal = 3.74e-7, kShear = 7.91e-7, kScale_Pa = 2000;
+constexpr double kArea_m2 = 2.827e-5, kNormal_per_Pa = 3.74e-7, kShear_per_Pa = 7.91e-7, kScale_Pa = 2000;
 
 std::vector<double> paper(double sigma, double tau_x, double tau_y) {
-    const double s = kNormal * sigma, x = kShear * tau_x, y = kShear * tau_y;
+    const double s = kNormal_per_Pa * sigma, x = kShear_per_Pa * tau_x, y = kShear_per_Pa * tau_y;
     return {s - x, s - y, s + x, s + y};
 }
 
@@ -27,8 +27,8 @@ void add_sums_and_differences(Cases& cases) {
     const double R0 = 1000.1;
     const auto ratio = [&](double x) { return float(float(R0 * (1 + x)) - float(R0)) / float(R0); };  // single precision
     cases.value("H01", "0.5 Pa of shear under 2 kPa of press: fx",
-                {double(ratio(r[2]) - ratio(r[0])) / (2 * kShear) * kArea_m2, estimate_of(c, r).wrench_S[0],
-                 (Real(r[2]) - Real(r[0])) / (2 * Real(kShear)) * Real(kArea_m2), 1, 8, 0, Textbook::single});
+                {double(ratio(r[2]) - ratio(r[0])) / (2 * kShear_per_Pa) * kArea_m2, estimate_of(c, r).wrench_S[0],
+                 (Real(r[2]) - Real(r[0])) / (2 * Real(kShear_per_Pa)) * Real(kArea_m2), 1, 8, 0, Textbook::single});
     // The same on counts with a large rest: sums first, as printed, lose what they share.
     Calibration counts = c;
     counts.zero.assign(4, 1e9);
@@ -37,12 +37,12 @@ void add_sums_and_differences(Cases& cases) {
     const Real sum = (Real(raised[0]) + Real(raised[1]) + Real(raised[2]) + Real(raised[3])) - 4 * Real(1e9);
     const double naive = double((float(raised[0]) + float(raised[1]) + float(raised[2]) + float(raised[3])) - 4e9f);
     cases.value("S1", "2 kPa of press on a rest of 1e9 units: fz",
-                {-naive / (4 * kNormal) * kArea_m2, estimate_of(counts, raised).wrench_S[2],
-                 -sum / (4 * Real(kNormal)) * Real(kArea_m2), 1, 8, 0, Textbook::single});
+                {-naive / (4 * kNormal_per_Pa) * kArea_m2, estimate_of(counts, raised).wrench_S[2],
+                 -sum / (4 * Real(kNormal_per_Pa)) * Real(kArea_m2), 1, 8, 0, Textbook::single});
     auto lost = paper(1000, 200, -100);
     lost[2] = std::numeric_limits<double>::quiet_NaN();
     cases.marked("S2", "H3 is not a number, three hairs left: fx",
-                 {as_good((lost[2] - lost[0]) / (2 * kShear) * kArea_m2), published(estimate_of(c, lost), 0),
+                 {as_good((lost[2] - lost[0]) / (2 * kShear_per_Pa) * kArea_m2), published(estimate_of(c, lost), 0),
                   TACTILED_MISSING_CHANNEL, 200 * kArea_m2, 1e-13});
 }
 
@@ -87,7 +87,7 @@ void add_leak(Cases& cases) {
         std::vector<double> rest = r;
         for (std::size_t i = 0; i < 4; ++i)
             for (std::size_t t = 0; t < kLeakTerms; ++t) rest[i] -= c.tables["leak"][i][t] * terms[t];
-        naive = (rest[0] + rest[1] + rest[2] + rest[3]) / (4 * kNormal) * kArea_m2;
+        naive = (rest[0] + rest[1] + rest[2] + rest[3]) / (4 * kNormal_per_Pa) * kArea_m2;
     }
     // The fixed point of a contraction q = 0.5 at most has the condition 1 / (1 - q) = 2 beside that of the gains, 2.1; the
     // iteration stops at a change of 1e-14 of full scale, so it is 1e-14 q / (1 - q) off.

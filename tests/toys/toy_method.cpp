@@ -19,12 +19,12 @@ private:
 
 constexpr std::array<KnownTable, 2> kTables{{kWidth, {"cubic", kPerComponent, kPerChannel}}};
 
-std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
+std::unique_ptr<Decoupler> make_cubic(const CalibrationData& data, std::string& fault) {
     return make_generic(data, "cubic", std::make_unique<Cubic>(*data.table("cubic")), fault);
 }
 
 const MethodEntry entry{
-    .model = "generic", .method = "cubic", .place = 25, .tables = kTables, .make = make, .takes_fit_of = kAnyMethod};
+    .model = "generic", .method = "cubic", .place = 25, .tables = kTables, .make = make_cubic, .takes_fit_of = kAnyMethod};
 
 }  // namespace
 }  // namespace tactiled

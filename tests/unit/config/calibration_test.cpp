@@ -54,7 +54,7 @@ void expect_same(const Calibration& a, const Calibration& b) {
 }
 
 Calibration parse(const std::string& text, Problems& problems) { return parse_calibration(text, "c.toml", problems); }
-Lines errors(const std::string& text) {
+Lines errors_of_calibration(const std::string& text) {
     Problems problems;
     parse(text, problems);
     return problems.lines();
@@ -116,7 +116,7 @@ TEST(Calibration, NeedsFewKeys) {
     EXPECT_TRUE(c.sd.empty() && c.full_scale.empty() && c.channel_least.empty() && c.parameters.empty());
     EXPECT_EQ(c.condition, 0.0);
     expect_same(parse(calibration_text(c), problems), c);
-    EXPECT_EQ(errors(""),
+    EXPECT_EQ(errors_of_calibration(""),
               (Lines{
                   "c.toml:1: key \"format\" is missing",
                   "c.toml:1: key \"model\" is missing",
@@ -149,7 +149,7 @@ TEST(Calibration, CrcIsTheKnownOne) { EXPECT_EQ(crc_of_lines("123456789"), 0x29B
 TEST(Calibration, RefusesAChangedFileAndSaysWhatToDo) {
     std::string text = calibration_text(example());
     text.replace(text.find("0.25"), 4, "0.26");
-    const auto lines = errors(text);
+    const auto lines = errors_of_calibration(text);
     ASSERT_EQ(lines.size(), 1u);
     EXPECT_NE(
         lines[0].find("the file was changed or is damaged; calibrate again, or delete this line if the change is meant"),
@@ -157,7 +157,7 @@ TEST(Calibration, RefusesAChangedFileAndSaysWhatToDo) {
     EXPECT_EQ(lines[0].find("c.toml:" + std::to_string(std::count(text.begin(), text.end(), '\n')) + ": crc = \"0x"), 0u)
         << lines[0];
     text.erase(text.rfind("crc"));
-    EXPECT_EQ(errors(text), Lines{});
+    EXPECT_EQ(errors_of_calibration(text), Lines{});
     Problems problems;
     EXPECT_EQ(parse(text, problems).crc, crc_of_lines(text));
 }
@@ -165,14 +165,14 @@ TEST(Calibration, RefusesAChangedFileAndSaysWhatToDo) {
 TEST(Calibration, WantsTheCrcAsTheLastLine) {
     const std::string text = calibration_text(example());
     const std::string body = text.substr(0, text.rfind("crc"));
-    EXPECT_EQ(errors("crc = \"0x1234\"\n" + body).size(), 1u);
-    EXPECT_NE(errors(text + "# later\n"), Lines{});
-    EXPECT_NE(errors(body + "crc = \"0x12\"\n"), Lines{});
-    EXPECT_NE(errors(body + "crc = 5\n"), Lines{});
-    EXPECT_EQ(errors(text.substr(0, text.size() - 1)), Lines{});  // an editor that drops the last newline
+    EXPECT_EQ(errors_of_calibration("crc = \"0x1234\"\n" + body).size(), 1u);
+    EXPECT_NE(errors_of_calibration(text + "# later\n"), Lines{});
+    EXPECT_NE(errors_of_calibration(body + "crc = \"0x12\"\n"), Lines{});
+    EXPECT_NE(errors_of_calibration(body + "crc = 5\n"), Lines{});
+    EXPECT_EQ(errors_of_calibration(text.substr(0, text.size() - 1)), Lines{});  // an editor that drops the last newline
     std::string windows;
     for (const char c : text) windows += c == '\n' ? "\r\n" : std::string(1, c);
-    EXPECT_EQ(errors(windows).size(), 1u);  // other bytes
+    EXPECT_EQ(errors_of_calibration(windows).size(), 1u);  // other bytes
 }
 
 std::string with(const std::string& line, const std::string& but = "") {
@@ -186,7 +186,7 @@ std::string with(const std::string& line, const std::string& but = "") {
 }
 
 TEST(Calibration, RefusesWhatDoesNotFitTogether) {
-    EXPECT_EQ(errors(with("")), Lines{});
+    EXPECT_EQ(errors_of_calibration(with("")), Lines{});
     const std::pair<std::string, std::string> cases[] = {
         {with("zero = [0]", "zero"), "zero has 1 entries, should have 2"},
         {with("zero = [0, nan]", "zero"), "zero[1] = nan is not a finite number"},
@@ -234,7 +234,7 @@ TEST(Calibration, RefusesWhatDoesNotFitTogether) {
          "[parameters]: parameter \"a b\"; a name has 1 .. 31 of A-Z a-z 0-9 _ . -, and no dot here"},
     };
     for (const auto& [text, error] : cases) {
-        const auto lines = errors(text);
+        const auto lines = errors_of_calibration(text);
         ASSERT_EQ(lines.size(), 1u) << error << "\n" << (lines.empty() ? "" : lines[1]);
         EXPECT_EQ(lines[0].substr(lines[0].find(": ") + 2), error);
     }

@@ -1,14 +1,12 @@
 // Configurations with one mistake each: the line of the file and the remedy.
 #include <gtest/gtest.h>
 
-#include "config/config.hpp"
-#include "folder.hpp"
+#include "loaded.hpp"
 
 namespace tactiled {
 namespace {
 
-constexpr char kLink[] = "[[link]]\nname = 'usb0'\ndriver = 'uart'\n";
-constexpr char kSensor[] = "[[sensor]]\nname = 'left'\nlink = 'usb0'\nmodel = 'generic'\ncalibration = 'left.toml'\n";
+using test::kLink, test::kSensor;
 
 // Returns the one problem, without the file's folder; "" if there is none.
 std::string problem_of(const std::string& text) {

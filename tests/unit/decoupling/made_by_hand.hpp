@@ -11,6 +11,7 @@
 
 #include "config/calibration.hpp"
 #include "decoupling/decoupler.hpp"
+#include "decoupling/fit/fit.hpp"
 
 namespace tactiled {
 
@@ -35,6 +36,18 @@ inline Calibration table_calibration(std::vector<std::string> channels) {
 
 inline std::vector<std::string> inner_gauges() { return {"R1", "R3", "R5", "R7"}; }
 inline std::vector<std::string> all_gauges() { return {"R1", "R2", "R3", "R4", "R5", "R6", "R7", "R8"}; }
+
+// The strains of the four inner gauges under a force in N; n presses, against fz.
+inline std::vector<double> reading_of(double fx, double fy, double n) {
+    const double t = kTangential_per_N, p = kNormal_per_N;
+    return {-t * fx + p * n, -t * fy + p * n, t * fx + p * n, t * fy + p * n};
+}
+
+inline Rows pointers(const std::vector<LabelledRow>& rows) {
+    Rows result;
+    for (const auto& row : rows) result.push_back(&row);
+    return result;
+}
 
 // Returns the problems in the file of a calibration of which `from` is replaced by `to`.
 inline std::vector<std::string> problems_of(const Calibration& calibration, const std::string& from, const std::string& to) {

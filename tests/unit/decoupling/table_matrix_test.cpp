@@ -220,12 +220,6 @@ std::vector<LabelledRow> labelled_loads(int rows, const std::vector<double>& noi
     return result;
 }
 
-Rows pointers(const std::vector<LabelledRow>& rows) {
-    Rows result;
-    for (const auto& row : rows) result.push_back(&row);
-    return result;
-}
-
 TEST(TableMatrix, IsFittedAndTrustsTheQuietGauges) {
     std::vector<double> noise(8, 1e-6);
     noise[2] = 50e-6;

@@ -14,11 +14,6 @@
 namespace tactiled {
 namespace {
 
-std::vector<double> reading_of(double fx, double fy, double n) {
-    const double t = kTangential_per_N, p = kNormal_per_N;
-    return {-t * fx + p * n, -t * fy + p * n, t * fx + p * n, t * fy + p * n};
-}
-
 Calibration nonlinear_calibration() {
     Calibration calibration = table_calibration(inner_gauges());
     calibration.method = "nonlinear";
@@ -176,12 +171,6 @@ std::vector<LabelledRow> recording(Sensor sensor, const std::vector<double>& pre
         rows.back().wrench_S = {fx, fy, -n, kNaN, kNaN, kNaN};
     }
     return rows;
-}
-
-Rows pointers(const std::vector<LabelledRow>& rows) {
-    Rows result;
-    for (const auto& row : rows) result.push_back(&row);
-    return result;
 }
 
 struct Errors {

@@ -29,11 +29,6 @@ Calibration signs_calibration() {
     return calibration;
 }
 
-std::vector<double> reading_of(double fx, double fy, double n) {
-    const double t = kTangential_per_N, p = kNormal_per_N;
-    return {-t * fx + p * n, -t * fy + p * n, t * fx + p * n, t * fy + p * n};
-}
-
 std::string signs_of(const std::vector<double>& reading) {
     std::string signs;
     for (const double r : reading) signs += r > 1e-4 ? '+' : r < -1e-4 ? '-' : '0';

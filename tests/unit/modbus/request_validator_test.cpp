@@ -20,7 +20,7 @@ Bytes adu(Bytes pdu) {
     return pdu;
 }
 
-struct Case {
+struct RequestCase {
     const char* what;
     Bytes pdu;
     int exception;
@@ -31,7 +31,7 @@ TEST(RequestValidator, AnswersWrongRequestsWithTheRightException) {
     long_write.resize(6 + 246);
     Bytes longer_write{16, 0, 0, 0, 124, 248};
     longer_write.resize(6 + 247);
-    const Case cases[] = {
+    const RequestCase cases[] = {
         // P 6.3, 6.4: read registers
         {"a good read", {3, 0, 0, 0, 32}, 0},
         {"the same by FC 4", {4, 0, 0, 0, 32}, 0},
@@ -121,7 +121,7 @@ TEST(RequestValidator, AnswersWrongRequestsWithTheRightException) {
         {"function 0x83: libmodbus answers it as a read", {0x83, 0, 0, 0, 1}, 1},
         {"function 255", {0xFF}, 1},
     };
-    for (const Case& c : cases) EXPECT_EQ(int(check_pdu(c.pdu, true).exception), c.exception) << c.what;
+    for (const RequestCase& c : cases) EXPECT_EQ(int(check_pdu(c.pdu, true).exception), c.exception) << c.what;
 }
 
 TEST(RequestValidator, CutsTheStreamIntoRequests) {  // G 3.1.3: transaction, protocol 0, length of the rest

@@ -7,13 +7,11 @@
 #include <limits>
 
 #include "node/sensor.hpp"
+#include "tests/unit/milliseconds.hpp"
 #include "through.hpp"
 
 namespace tactiled {
 namespace {
-
-constexpr std::uint64_t kMs = 1'000'000;
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 tactiled_sample at(std::uint64_t ms, double fz_N, double fx_N = 0) {
     tactiled_sample s{};

@@ -5,12 +5,12 @@
 #include <cmath>
 #include <utility>
 
+#include "tests/unit/milliseconds.hpp"
+
 #include "node/sensor.hpp"
 
 namespace tactiled {
 namespace {
-
-constexpr std::uint64_t kMs = 1'000'000;
 
 // fz is the channel plus its own offset; after forget(), the first `unsure` values have no standard deviation.
 class Offset final : public Decoupler {

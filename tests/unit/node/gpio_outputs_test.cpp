@@ -1,12 +1,12 @@
 // The GPIO signs of a node record. tests/kernel/gpio_test.py tests the lines themselves.
 #include <gtest/gtest.h>
 
+#include "tests/unit/milliseconds.hpp"
+
 #include "node/gpio_outputs.hpp"
 
 namespace tactiled {
 namespace {
-
-constexpr std::uint64_t kMs = 1'000'000;
 
 tactiled_node healthy(std::uint32_t grip = TACTILED_GRIP_OPEN) {
     tactiled_node node{};

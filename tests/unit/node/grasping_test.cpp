@@ -5,10 +5,10 @@
 
 #include <cmath>
 
+#include "tests/unit/milliseconds.hpp"
+
 namespace tactiled {
 namespace {
-
-constexpr std::uint64_t kMs = 1'000'000;
 
 // Two jaws that face each other along y of G, gravity along -z; sensors 1 and 3 of the node.
 std::optional<Grasping::Setup> two_jaws() {

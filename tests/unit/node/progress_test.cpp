@@ -4,10 +4,10 @@
 
 #include <memory>
 
+#include "tests/unit/milliseconds.hpp"
+
 namespace tactiled {
 namespace {
-
-constexpr std::uint64_t kMs = 1'000'000;
 
 TEST(Progress, WhoTurnsWithinItsLimitIsNotNamed) {
     Progress progress;

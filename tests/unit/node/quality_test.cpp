@@ -8,12 +8,11 @@
 #include <random>
 
 #include "node/sensor.hpp"
+#include "tests/unit/milliseconds.hpp"
 #include "through.hpp"
 
 namespace tactiled {
 namespace {
-
-constexpr std::uint64_t kMs = 1'000'000;
 
 class Stream {
 public:
@@ -264,13 +263,13 @@ TEST(StreamQuality, AStepIsJudgedByTheMeasuredRateWhereNoneIsDeclared) {
     EXPECT_EQ(stream.send(std::numeric_limits<double>::quiet_NaN(), 0, 0).reasons & TACTILED_STEPPED, 0u);
 }
 
-TEST(ZeroDrift, AComponentThatTheModelDoesNotSeeDoesNotCount) {
+TEST(ZeroDriftCheck, AComponentThatTheModelDoesNotSeeDoesNotCount) {
     constexpr std::uint64_t kSecond = 1'000'000'000;
     const double nan = std::numeric_limits<double>::quiet_NaN();
-    ZeroDrift drift(1);
+    ZeroDriftCheck drift(1);
     EXPECT_FALSE(drift.has_drifted({nan, nan, 0.9}, true, kSecond));
     EXPECT_FALSE(drift.has_drifted({nan, nan, 0.9}, true, 4 * kSecond));
-    ZeroDrift drifted(1);
+    ZeroDriftCheck drifted(1);
     EXPECT_FALSE(drifted.has_drifted({nan, nan, 1.1}, true, kSecond));
     EXPECT_TRUE(drifted.has_drifted({nan, nan, 1.1}, true, 4 * kSecond));
 }

@@ -1,11 +1,10 @@
 // A sensor of three channels that are forces, and frames for it.
 #pragma once
 #include "node/sensor.hpp"
+#include "tests/unit/milliseconds.hpp"
 #include "through.hpp"
 
 namespace tactiled {
-
-inline constexpr std::uint64_t kMs = 1'000'000;
 
 inline Sensor make(double counts_per_unit = 1) {
     Sensor::Setup setup;

@@ -6,12 +6,11 @@
 #include <string>
 
 #include "tests/unit/config/folder.hpp"
+#include "tests/unit/milliseconds.hpp"
 #include "tests/unit/node/unit_calibration.hpp"
 
 namespace tactiled {
 namespace {
-
-constexpr std::uint64_t kMs = 1'000'000;
 
 constexpr char kConfig[] = R"(
 [[link]]

@@ -5,12 +5,11 @@
 #include <random>
 
 #include "node/sensor.hpp"
+#include "tests/unit/milliseconds.hpp"
 #include "through.hpp"
 
 namespace tactiled {
 namespace {
-
-constexpr std::uint64_t kMs = 1'000'000;
 
 struct Tared {
     Sensor::Tare end;

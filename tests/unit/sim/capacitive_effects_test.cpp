@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-Moment shear(double fx, double fy, double N = 0) { return {.load = {fx, fy, -N, 0, 0}}; }
+Moment sheared(double fx, double fy, double N = 0) { return {.load = {fx, fy, -N, 0, 0}}; }
 
 // 1/2 clip(rho)^2 - inner^2 over the sector's angles by the midpoint rule.
 double area_by_sum(const Pad::Electrode& e, double R, double dx, double dy) {
@@ -36,7 +36,7 @@ TEST(ExactOverlap, HasTheAreasOfThirtyDigitQuadrature) {
     const auto area_mm2 = [&](const Reading& r, std::size_t k) {
         return rest_mm2 * (1 + (r.channel[k] - pad.sensor().zero[k]) / sector_pF);
     };
-    const Reading one = pad(shear(1, 0)), half = pad(shear(0.5, 0)), up = pad(shear(0, 1));
+    const Reading one = pad(sheared(1, 0)), half = pad(sheared(0.5, 0)), up = pad(sheared(0, 1));
     EXPECT_NEAR(area_mm2(one, 0), 18.0726374079756, 1e-9);
     EXPECT_NEAR(area_mm2(one, 2), 10.6777033362576, 1e-9);
     EXPECT_NEAR(area_mm2(one, 1), 5.25238477056405, 1e-9);
@@ -82,7 +82,7 @@ TEST(Pad, LargestOverlapIsOne) {
 TEST(GapGain, AloneGoesWithTheInverseGap) {
     AtWork pad("capacitive", {"gap_gain"}, "strain_per_N = 0.03\ncentre_pF = 2");
     const CapacitiveSample& c = pad.sensor().capacitive;
-    const Reading r = pad(shear(0.2, 0, 10)), pressed = pad(press(10));
+    const Reading r = pad(sheared(0.2, 0, 10)), pressed = pad(press(10));
     EXPECT_NEAR(pressed.channel[4], c.stray_centre_pF + c.centre_pF / 0.7, 1e-12);
     // 30 % of compression: the same shear reads 43 % more.
     EXPECT_NEAR((r.channel[0] - pressed.channel[0]) / (0.2 * pad.sensor().gain[0][kFx]), 1 / 0.7, 1e-9);
@@ -93,7 +93,7 @@ TEST(GapGain, WithExactOverlapIsThePlateFormula) {
     AtWork pad("capacitive", {"exact_overlap", "gap_gain"}, "strain_per_N = 0.03\ncentre_pF = 2\nshift_per_N_m = 1e-3");
     const CapacitiveSample& c = pad.sensor().capacitive;
     const double rest_mm2 = 40 * kDegree * 16;
-    const Reading r = pad(shear(1, 0, 8));
+    const Reading r = pad(sheared(1, 0, 8));
     EXPECT_NEAR(r.channel[0], c.stray_sector_pF + c.sector_pF * 18.0726374079756 / rest_mm2 / (1 - 0.24), 1e-9);
     EXPECT_NEAR(r.channel[1], c.stray_sector_pF + c.sector_pF * 5.25238477056405 / rest_mm2 / (1 - 0.24), 1e-9);
     EXPECT_NEAR(r.channel[3], c.stray_sector_pF + c.sector_pF * 10.6777033362576 / rest_mm2 / (1 - 0.24), 1e-9);

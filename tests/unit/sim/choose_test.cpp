@@ -3,14 +3,10 @@
 #include <gtest/gtest.h>
 
 #include "drivers/sim/simulation.hpp"
+#include "tests/unit/sim/scene_of.hpp"
 
 namespace tactiled::sim {
 namespace {
-
-Scene scene_of(const std::string& text) {
-    Problems problems;
-    return read_scene(Options::parse_text(text, "scene.toml", problems), problems);
-}
 
 const std::string kStill =
     "format = 1\ntitle = \"t\"\n[[sensor]]\nname = \"left\"\nmodel = \"table\"\n[[motion]]\ndo = \"press\"\nto_N = 1\nin_s "

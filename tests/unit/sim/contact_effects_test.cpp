@@ -8,8 +8,6 @@
 namespace tactiled::sim {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
 TEST(ClockDrift, TakesSamplesLaterAndLater) {
     const Scene scene = scene_with("table", "[effects.clock_drift]\ndrift_ppm = 100\n" + press(1, 10));
     const Recording is = run(scene, "clock_drift");
@@ -28,8 +26,8 @@ TEST(SamplingJitter, MakesNoiseOfARamp) {
 TEST(FrictionLimit, ShortensTheShearAndKeepsItsDirection) {
     const Scene scene = scene_with("table", press(0.5, 0.1) + shear(1, 30, 0.1) + hold(0.1), "body = {friction = 0.8}");
     const Recording is = run(scene, "friction_limit");
-    EXPECT_NEAR(is.load[kFx].back(), 0.4 * std::cos(kPi / 6), 1e-12);
-    EXPECT_NEAR(is.load[kFy].back(), 0.4 * std::sin(kPi / 6), 1e-12);
+    EXPECT_NEAR(is.load[kFx].back(), 0.4 * std::cos(std::numbers::pi / 6), 1e-12);
+    EXPECT_NEAR(is.load[kFy].back(), 0.4 * std::sin(std::numbers::pi / 6), 1e-12);
     EXPECT_NEAR(is.load[kFz].back(), -0.5, 1e-12);
 }
 
@@ -139,7 +137,7 @@ TEST(Texture, PassesAtSpeedOverPitch) {
         max = std::max(max, std::abs(is.load[kFz][n] + 0.05));
     }
     EXPECT_NEAR(rises, 20, 1);
-    const double skin_N_m = 750e3 * 2.827e-5 / 1e-3, x = 2 * kPi * 0.2;
+    const double skin_N_m = 750e3 * 2.827e-5 / 1e-3, x = 2 * std::numbers::pi * 0.2;
     EXPECT_NEAR(max, 0.5 * skin_N_m * 0.5e-6 * std::sin(x) / x, 1e-6);
 }
 

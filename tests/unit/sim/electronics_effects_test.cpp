@@ -8,8 +8,6 @@
 namespace tactiled::sim {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-
 double rms(const std::vector<double>& x, double mean, std::size_t from = 0) {
     double sum = 0;
     for (std::size_t n = from; n < x.size(); ++n) sum += (x[n] - mean) * (x[n] - mean);
@@ -25,7 +23,7 @@ double sine_gain(const std::string& effect, const std::string& model, double fre
     const Recording is = run(scene, effect), ideal = run(scene, "none");
     double a = 0, b = 0, c = 0;  // over whole periods after two seconds
     for (std::size_t n = 5000; n < 20000; ++n) {
-        const double turn = 2 * kPi * frequency_Hz * is.t_s[n], mean = ideal.channel[k][99];
+        const double turn = 2 * std::numbers::pi * frequency_Hz * is.t_s[n], mean = ideal.channel[k][99];
         a += (is.channel[k][n] - mean) * std::sin(turn);
         b += (is.channel[k][n] - mean) * std::cos(turn);
         c += std::abs(scene.sensors[0].gain[k][kFz]) * 0.2 / 2;
@@ -58,7 +56,7 @@ TEST(AntiAlias, DelaysARampByTwiceItsTimeConstant) {
         const Scene scene = scene_with("table", press(1, 1), fmt::format("rate_Hz = {}", rate_Hz));
         const Recording is = run(scene, "anti_alias");
         const double late_s = 0.9 + is.channel[0][std::size_t(0.9 * rate_Hz)] / scene.sensors[0].gain[0][kFz];
-        EXPECT_NEAR(late_s, 4 / (kPi * rate_Hz), 1e-9) << rate_Hz << " Hz";
+        EXPECT_NEAR(late_s, 4 / (std::numbers::pi * rate_Hz), 1e-9) << rate_Hz << " Hz";
     }
 }
 
@@ -68,7 +66,7 @@ TEST(AntiAlias, AnswersAJumpAsTwoPoles) {
     const Recording is = run(scene, "anti_alias"), ideal = run(scene, "none");
     std::size_t at = 0;
     while (ideal.load[kFz][at] == 0) ++at;
-    const double w = kPi / 2 * 1000, h = 1e-3;
+    const double w = std::numbers::pi / 2 * 1000, h = 1e-3;
     const auto risen = [&](double t) { return t - 2 / w + (t + 2 / w) * std::exp(-w * t); };  // its integral
     for (std::size_t n = 0; n < 20; ++n) {
         const double t = double(n + 1) * h, expected = (risen(t) - risen(t - h)) / h;
@@ -91,7 +89,7 @@ TEST(AntiAlias, LeavesOfALineThatFoldsWhatItLeavesAtTheLinesOwnFrequency) {
                                                               "for_s = 1.1\n",
                                                               line_Hz));
         const Recording is = run(scene, "anti_alias");
-        const double gain = scene.sensors[0].gain[0][kFz], turn = 2 * kPi * line_Hz;
+        const double gain = scene.sensors[0].gain[0][kFz], turn = 2 * std::numbers::pi * line_Hz;
         double in_phase = 0, quadrature = 0;
         for (std::size_t n = 200; n < 1200; ++n) {
             const double t = is.t_s[n] - 0.1, reads = -is.channel[0][n] / gain - 0.4;

@@ -6,13 +6,9 @@
 #include <vector>
 
 #include "drivers/sim/simulation.hpp"
+#include "tests/unit/sim/scene_of.hpp"
 
 namespace tactiled::sim {
-
-inline Scene scene_of(const std::string& text) {
-    Problems problems;
-    return read_scene(Options::parse_text(text, "scene.toml", problems), problems);
-}
 
 // Returns a scene of one sensor "s"; `head` = keys of the scene, `rest` = its other tables.
 inline Scene scene_with(const std::string& model, const std::string& rest, const std::string& head = "") {

@@ -6,16 +6,10 @@
 
 #include "drivers/sim/simulation.hpp"
 #include "tests/unit/sim/random_scene.hpp"
+#include "tests/unit/sim/scene_of.hpp"
 
 namespace tactiled::sim {
 namespace {
-
-constexpr double kRounding = 1 + 1e-9, kNothing_N = 1e-12;
-
-Scene scene_of(const std::string& text) {
-    Problems problems;
-    return read_scene(Options::parse_text(text, "parts.toml", problems), problems);
-}
 
 // A pad that is touched after four seconds of rest, and is at rest again at the end.
 Scene touched_late(double wanted_N) {

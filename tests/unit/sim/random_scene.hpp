@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "drivers/sim/scene.hpp"
+#include "tests/unit/sim/scene_of.hpp"
 
 namespace tactiled::sim {
 
@@ -22,11 +22,11 @@ struct RandomScene {
         for (const auto& motion : motions) all += "[[motion]]\n" + motion;
         return all + tail;
     }
-    [[nodiscard]] Scene scene() const {
-        Problems problems;
-        return read_scene(Options::parse_text(text(), "random.toml", problems), problems);
-    }
+    [[nodiscard]] Scene scene() const { return scene_of(text()); }
 };
+
+// A bound holds up to the rounding of its own sum.
+inline constexpr double kRounding = 1 + 1e-9, kNothing_N = 1e-12;
 
 inline std::ostream& operator<<(std::ostream& out, const RandomScene& scene) { return out << scene.text(); }
 

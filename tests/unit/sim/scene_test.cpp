@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "drivers/sim/simulation.hpp"
+#include "tests/unit/sim/scene_of.hpp"
 
 namespace tactiled::sim {
 namespace {
@@ -13,11 +14,6 @@ namespace {
 const std::string kHead =
     "format = 1\ntitle = \"t\"\n[body]\nmass_kg = 0.05\nfriction = 0.8\nkinetic_friction = 0.5\n[[sensor]]\nname = "
     "\"left\"\nmodel = \"table\"\n";
-
-Scene scene_of(const std::string& text) {
-    Problems problems;
-    return read_scene(Options::parse_text(text, "scene.toml", problems), problems);
-}
 
 std::string refused(const std::string& text) {
     try {

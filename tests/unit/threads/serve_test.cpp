@@ -10,12 +10,11 @@
 #include "node/shared_links.hpp"
 #include "node/threads.hpp"
 #include "tactiled/reader.hpp"
+#include "tests/unit/milliseconds.hpp"
 #include "tests/unit/node/through.hpp"
 
 namespace tactiled {
 namespace {
-
-constexpr std::uint64_t kMs = 1'000'000;
 
 // Sends frames at a rate, numbered from 0, until there are enough; then the device is silent, or disconnects.
 class Paced final : public Driver {

@@ -9,12 +9,11 @@
 #include <fstream>
 
 #include "tactiled/reader.hpp"
+#include "tests/unit/milliseconds.hpp"
 #include "tests/unit/node/through.hpp"
 
 namespace tactiled {
 namespace {
-
-constexpr std::uint64_t kMs = 1'000'000;
 
 class ZeroStoreTest : public testing::Test {
 protected:
