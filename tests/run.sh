@@ -20,18 +20,18 @@ build release system_tests
 
 # Tests of the programs wait for most of their time, and their daemons must be in time. Compilers and tests that only compute
 # take the rest of the processor.
-stage "build the unit tests beside the programs' tests"
+stage "the programs' tests, and beside them all that computes"
 aside 'build release computing_tests
     tests computing release -LE "system|unit|figures" -j "$jobs"
     build release shipped_unit_tests
     build asan address_unit_tests
-    build tsan thread_unit_tests'
+    build tsan thread_unit_tests
+    tests shipped release -L shipped -j "$jobs"'
 tests programs release -L system -j 5
-stage "build the rest of the unit tests"
+stage "the rest of it"
 wait_for_aside
 
-stage "unit tests"
-tests shipped release -L shipped -j "$jobs"
+stage "unit tests that wait"
 tests address asan -L address -j "$((2 * jobs))"
 tests thread tsan -L thread -j "$((2 * jobs))"
 finish

@@ -9,7 +9,8 @@
 
 Exit status 1: a figure is outside its interval or could not be read, or a benchmark failed. The message names figure, value,
 interval and command. Absolute times are judged and stored only on the machine of results.json (--adopt-machine changes it),
-identified by the model and number of its processors, and only while other programs use at most 5 % of it.
+identified by the model and number of its processors, and only if other programs use at most 5 % of it before and
+after the command.
 """
 import argparse
 import os
@@ -104,11 +105,13 @@ def measure(runs, results):
         if run.needs and subprocess.run(["sh", "-c", f"command -v {run.needs}"], stdout=subprocess.DEVNULL, check=False).returncode:
             messages.append(f"{run.id} needs {run.needs}")
             continue
-        idle = any(figure.kind == "absolute" for figure in run.figures) and judge.is_idle()
+        has_times = any(figure.kind == "absolute" for figure in run.figures)
+        idle = has_times and judge.is_idle()
         print(f"{run.id}: {run.command}", flush=True)
         begun = time.monotonic()
         values, faults = measured(run)
         took_s = time.monotonic() - begun
+        idle = idle and judge.is_idle()
         print("".join(f"  {fault}\n" for fault in faults), end="", flush=True)
         messages += faults
         results["figures"].update(store.load()["figures"])  # another call may have stored some meanwhile
@@ -124,6 +127,8 @@ def check(sections, figures, results):
             yield f"{name} has no value; measure it with tests/figures.sh --only {name}"
         elif entry["command"] != figure.run.command and figure.kind != "long":
             yield f"{name} was measured with another command"
+        elif entry["commit"].endswith("+"):
+            yield f"{name} was measured with changes that are in no commit"
         elif figure.kind != "absolute" or (entry["idle"] and entry["machine"] == results["machine"]):
             yield from filter(None, [judge.fault(figure, entry["value"])])
     yield from (f"results.json has {name}, the table has not" for name in results["figures"] if name not in figures)

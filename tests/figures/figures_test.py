@@ -68,9 +68,8 @@ class Judge(unittest.TestCase):
         for kind, here, idle, expected in (("absolute", "m", True, True), ("absolute", "m", False, False), ("absolute", "n", True, False),
                                            ("ratio", "n", False, True)):
             self.assertEqual(judge.judged(figure(kind=kind), here, "m", idle), expected)
-        self.assertTrue(judge.is_idle(share=0.01, load=0.1))
-        self.assertFalse(judge.is_idle(share=0.2, load=0.1))
-        self.assertFalse(judge.is_idle(share=0.01, load=1.5))
+        self.assertTrue(judge.is_idle(share=0.01))
+        self.assertFalse(judge.is_idle(share=0.2))
 
     def test_a_time_of_a_busy_machine_replaces_none_of_an_idle_one(self):
         late = figure(kind="absolute")

@@ -5,7 +5,6 @@ import re
 import time
 
 BUSY_SHARE = 0.05  # share of the processors above which the machine is not idle
-BUSY_LOAD = 0.5  # load average of the last minute, a processor
 
 
 class Unreadable(Exception):
@@ -47,10 +46,8 @@ def busy_share(seconds=2.0):
     return 1 - idle / max(total, 1)
 
 
-def is_idle(share=None, load=None):
-    share = busy_share() if share is None else share
-    load = os.getloadavg()[0] / os.cpu_count() if load is None else load
-    return share <= BUSY_SHARE and load <= BUSY_LOAD
+def is_idle(share=None):
+    return (busy_share() if share is None else share) <= BUSY_SHARE
 
 
 def judged(figure, here, stored_machine, idle):

@@ -1,7 +1,7 @@
 #!/bin/sh
 # isolated.sh COMMAND...: runs it with ports, pseudo terminals and processes of its own, where root may have that. Else a daemon whose
-# device is gone could open the pseudo terminal of another test, because the kernel gives its number again. What COMMAND leaves running
-# ends with it, and COMMAND ends with isolated.sh.
+# device is gone could open the pseudo terminal of another test, because the kernel gives its number again. Processes that COMMAND leaves
+# end with it, and it ends with isolated.sh.
 set -e
 if [ "${1:-}" = inside ]; then
     shift
