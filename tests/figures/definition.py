@@ -8,7 +8,7 @@ takes the median of each figure; `env` has environment variables; `needs` names 
 question   the subject of its row
 unit       "" if it has none
 kind       ratio, count, instructions: within the interval on every machine
-           absolute: judged only on the stored machine, idle
+           absolute: judged only on the stored machine, idle; from half to double of the first idle value
            long: takes hours; is not run by default and keeps its commit
 within     [lowest, highest]
 read       a regular expression on the command's output: one group is the value; for `how = "ratio"` the groups `of` and `over`

@@ -45,11 +45,14 @@ def changed_since(commit, folders):
 
 
 def note_changes(results, figures):
-    """Stores the changes since the commit of each long figure."""
+    """Stores each interval of the table, and the changes since the commit of each long figure."""
     known = {}
     for name, figure in figures.items():
         entry = results["figures"].get(name)
-        if entry is None or figure.kind != "long":
+        if entry is None:
+            continue
+        entry["within"] = interval(figure)
+        if figure.kind != "long":
             continue
         key = (entry["commit"], tuple(figure.run.folders))
         if key not in known:
@@ -57,6 +60,10 @@ def note_changes(results, figures):
         entry["changed_lines"] = known[key]
 
 
+def interval(figure):
+    return [None if math.isinf(end) else end for end in figure.within]
+
+
 def entry(figure, value, duration_s, machine, idle):
-    return {"value": value, "within": [None if math.isinf(end) else end for end in figure.within], "unit": figure.unit, "commit": head(figure.run.folders), "date": today(),
+    return {"value": value, "within": interval(figure), "unit": figure.unit, "commit": head(figure.run.folders), "date": today(),
             "machine": machine, "idle": idle, "command": figure.run.command, "duration_s": round(duration_s, 1)}
