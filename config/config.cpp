@@ -86,23 +86,23 @@ Options no_options() {
 const Fields<NodeSettings>& node_fields() {
     using S = NodeSettings;
     static const Fields<S> fields = {
-        {TACTILED_KEY(S, name), "gripper", Text::name, Reload::restart,
+        {TACTILED_KEY(S, name), "gripper", Text::name,
          "Name of the daemon. The segment is tactiled.NAME in its run-time folder, and `tactilectl --node` takes this "
          "name."},
-        {TACTILED_KEY(S, watchdog_ms), 250, range(10, 10'000), "ms", Reload::restart,
+        {TACTILED_KEY(S, watchdog_ms), 250, range(10, 10'000), "ms",
          "Readers consider the daemon dead when it has published nothing for this time."},
-        {TACTILED_KEY(S, stuck_link_ms), 10'000, range(0, 600'000), "ms", Reload::restart,
+        {TACTILED_KEY(S, stuck_link_ms), 10'000, range(0, 600'000), "ms",
          "A link whose thread has not returned from its device for this time counts as hung, and systemd restarts the "
          "daemon with all its links. With 0 it is never restarted for that reason, and the other links go on without this "
          "one."},
-        {TACTILED_KEY(S, control), "/run/tactiled/NAME.sock", Text::full_path, Reload::restart,
+        {TACTILED_KEY(S, control), "/run/tactiled/NAME.sock", Text::full_path,
          "Path of the socket for commands, at most 107 bytes. In another run-time folder than /run/tactiled the default is "
          "NAME.sock there."},
         {TACTILED_KEY(S, zeros),
          Default("", "NAME.zeros.toml in $STATE_DIRECTORY, else in /var/lib/tactiled, else in ~/.local/state/tactiled"),
-         Text::full_path, Reload::restart,
+         Text::full_path,
          "File in which the zeros of tares are kept over a restart. Tares are refused while it cannot be written."},
-        {TACTILED_KEY(S, fault_clear_s), 0, range(0, 86'400), "s", Reload::restart,
+        {TACTILED_KEY(S, fault_clear_s), 0, range(0, 86'400), "s",
          "A latched fault clears itself when its cause has been absent for this time; 0 = never. For a PLC without write "
          "access."},
     };
@@ -112,15 +112,13 @@ const Fields<NodeSettings>& node_fields() {
 const Fields<RealtimeSettings>& realtime_fields() {
     using S = RealtimeSettings;
     static const Fields<S> fields = {
-        {TACTILED_KEY(S, priority), 80, range(1, 98), "", Reload::restart,
+        {TACTILED_KEY(S, priority), 80, range(1, 98), "",
          "SCHED_FIFO priority of the pipeline. The threads of the links run two below."},
-        {TACTILED_KEY(S, cpu), Default(-1, "-1 = any"), range(-1, 1023), "", Reload::restart,
-         "The processor that the threads are bound to."},
-        {TACTILED_KEY(S, lock_memory), true, Reload::restart,
-         "Keeps all memory in RAM, so that no page fault delays the loop."},
-        {TACTILED_KEY(S, required), false, Reload::restart,
+        {TACTILED_KEY(S, cpu), Default(-1, "-1 = any"), range(-1, 1023), "", "The processor that the threads are bound to."},
+        {TACTILED_KEY(S, lock_memory), true, "Keeps all memory in RAM, so that no page fault delays the loop."},
+        {TACTILED_KEY(S, required), false,
          "If true, the daemon ends when the priority or the memory lock is refused. If false, it runs with RT_DEGRADED."},
-        {TACTILED_KEY(S, period_us), 10'000, range(50, 100'000), "us", Reload::restart,
+        {TACTILED_KEY(S, period_us), 10'000, range(50, 100'000), "us",
          "Longest time between two cycles of the pipeline. Frames, commands and time limits do not wait for it."},
     };
     return fields;
@@ -129,11 +127,9 @@ const Fields<RealtimeSettings>& realtime_fields() {
 const Fields<LinkSettings>& link_fields() {
     using S = LinkSettings;
     static const Fields<S> fields = {
-        {TACTILED_KEY(S, name), kRequired, Text::name, Reload::restart,
-         "Name of the link, unique, as the sensors refer to it."},
-        {TACTILED_KEY(S, driver), kRequired, Text::any, Reload::restart,
-         "Driver of the link; drivers/README.md lists them and their keys."},
-        {TACTILED_KEY(S, simulated), "true where the driver never measures, else false", Reload::restart,
+        {TACTILED_KEY(S, name), kRequired, Text::name, "Name of the link, unique, as the sensors refer to it."},
+        {TACTILED_KEY(S, driver), kRequired, Text::any, "Driver of the link; drivers/README.md lists them and their keys."},
+        {TACTILED_KEY(S, simulated), "true where the driver never measures, else false",
          "If true, the data are simulated or replayed, and every reader sees that."},
     };
     return fields;
@@ -142,10 +138,9 @@ const Fields<LinkSettings>& link_fields() {
 const Fields<ShmSettings>& shm_fields() {
     using S = ShmSettings;
     static const Fields<S> fields = {
-        {TACTILED_KEY(S, group), "", Text::name, Reload::restart,
-         "Unix group that may read and command; \"\" = the group of the daemon."},
+        {TACTILED_KEY(S, group), "", Text::name, "Unix group that may read and command; \"\" = the group of the daemon."},
         {TACTILED_KEY(S, history), Default(0, "the largest up to 1024 that fits into 1 MB"), range(64, 65'536), "",
-         Reload::restart, "Samples kept for each sensor, a power of two."},
+         "Samples kept for each sensor, a power of two."},
     };
     return fields;
 }

@@ -3,11 +3,13 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "config/options.hpp"
+#include "config/reload.hpp"
 
 namespace tactiled {
 
@@ -16,6 +18,7 @@ inline constexpr std::size_t kMaxSensors = 16, kMaxLinks = 16;  // TACTILED_MAX_
 Options no_options();  // an empty table of no file
 
 struct NodeSettings {
+    static constexpr Reload kReload = Reload::restart;
     std::string name;  // the segment is tactiled.NAME in the run-time folder
     int watchdog_ms;   // readers consider the daemon dead when it has published nothing for this time
     // a link that is in its device for this time stops the feeding of systemd's watchdog; 0 = never
@@ -26,6 +29,7 @@ struct NodeSettings {
 };
 
 struct RealtimeSettings {
+    static constexpr Reload kReload = Reload::restart;
     int priority;  // SCHED_FIFO priority of the pipeline; links run two below
     int cpu;       // -1: any
     bool lock_memory;
@@ -34,6 +38,7 @@ struct RealtimeSettings {
 };
 
 struct LinkSettings {
+    static constexpr Reload kReload = Reload::restart;
     std::string name;
     std::string driver;
     std::optional<bool> simulated;   // STATUS shows that the data are simulated or replayed; unset: by the driver
@@ -49,50 +54,69 @@ struct PairSettings {
     bool operator==(const PairSettings&) const = default;
 };
 
-struct SensorSettings {
+// The keys of a [[sensor]] in three structures, by what a reload does with a change.
+struct SensorPlace {
+    static constexpr Reload kReload = Reload::restart;
     std::string name;
     std::string link;
     int device;
+    std::string model;
+    int stale_ms;
+    double register_N;  // one count of its force registers; a power of ten
+};
+
+struct SensorMeasuring {
+    static constexpr Reload kReload = Reload::epoch;
     // name of each channel of the frame in order, "-" = not used; empty = as calibrated
     std::vector<std::string> channels;
-    double counts_per_unit;  // raw number of the frame / this = the unit of the calibration
-    // lowest and highest raw number; a channel at or beyond one of them counts as saturated
-    std::array<double, 2> saturates_at;
-    std::string model;
-    std::string expect_serial;   // serial that the calibration must have; "" = any
-    std::string serial_channel;  // name of the frame's channel that is the number of the device, "" = none
-    std::string calibration;     // path, as given or beside the configuration file
-    std::string method;          // "" = the calibration's own; "auto"
-    double budget_us;            // time budget of a sample with method "auto"
-    int stale_ms;
-    int frozen_after;              // number of readings; -1: by the calibration or the driver
-    std::string temperature;       // name of the frame's channel, "" = none
-    std::string temperature_of;    // name of another sensor that has the same temperature, "" = none
-    int thermometer = -1;          // its index, -1: none
-    int temperature_frozen_after;  // number of readings; -1: by the driver
-    double temperature_jump_K;
-    double temperature_difference_K;            // NaN = not declared
+    double counts_per_unit;                     // raw number of the frame / this = the unit of the calibration
+    std::string temperature;                    // name of the frame's channel, "" = none
+    std::string temperature_of;                 // name of another sensor that has the same temperature, "" = none
     std::array<double, 2> temperature_range_C;  // lowest and highest; NaN = not declared
-    double delay_ms;                            // -1: by the driver
-    double slew_limit_per_s;                    // raw numbers per second; infinity = none
-    double rate_Hz, rate_tolerance;             // 0 = not declared; rate_tolerance is relative to rate_Hz
-    double drift_limit_N;                       // 0 = none
-    double register_N;                          // one count of its force registers; a power of ten
-    int tare_ms;                                // length of a tare's mean
-    double tare_limit_N;                        // magnitude; 0 = none, -1 = 20 % of full scale for each component
-    std::string tare_after_restart;             // "restore" or "forget"
-    bool accept_unproved_age;                   // used for tares and weights although its stream would not show a delay
-    double filter_hz;                           // low pass on force and torque, 0 = off
-    double contact_on_N, contact_off_N;
-    double overload_N;        // 0 = none
+    double temperature_difference_K;            // NaN = not declared
+    std::string expect_serial;                  // serial that the calibration must have; "" = any
+    std::string serial_channel;                 // name of the frame's channel that is the number of the device, "" = none
+    std::string calibration;                    // path, as given or beside the configuration file
+    std::string method;                         // "" = the calibration's own; "auto"
+    double budget_us;                           // time budget of a sample with method "auto"
+};
+
+// The running sensor uses this structure itself (node/tuning.hpp) and exchanges it whole.
+struct SensorTuning {
+    static constexpr Reload kReload = Reload::tune;
+    // lowest and highest raw number; a channel at or beyond one of them counts as saturated
+    std::array<double, 2> saturates_at = {-kUnlimited, kUnlimited};
+    int temperature_frozen_after = -1;  // number of readings; 0 = never, -1: by the driver
+    double temperature_jump_K = 1;
+    int frozen_after = -1;                       // number of readings; 0 = never, -1: by the calibration or the driver
+    double delay_ms = -1;                        // -1: by the driver
+    double slew_limit_per_s = kUnlimited;        // raw numbers per second
+    double rate_Hz = 0;                          // 0 = not declared
+    double rate_tolerance = 0.2;                 // relative to rate_Hz
+    double drift_limit_N = 0;                    // 0 = none
+    int tare_ms = 100;                           // length of a tare's mean
+    double tare_limit_N = -1;                    // magnitude; 0 = none, -1 = 20 % of full scale for each component
+    std::string tare_after_restart = "restore";  // or "forget"
+    bool accept_unproved_age = false;            // used for tares and weights although its stream would not show a delay
+    double filter_hz = 0;                        // low pass on force and torque, 0 = off
+    double contact_on_N = 0.5, contact_off_N = 0.25;
+    double overload_N = 0;    // 0 = none
     std::string agrees_with;  // "" = no other sensor, or named by the other one
-    double agree_N;           // from this sensor's table; `pair` has the values of the sensor that names the other
-    int agree_ms;
+    double agree_N = 0;       // from this sensor's table; `pair` has the values of the sensor that names the other
+    int agree_ms = 100;
     PairSettings pair;
-    Options options = no_options();  // the model's own keys, not yet read
+
+    static constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+};
+
+struct SensorSettings : SensorPlace, SensorMeasuring, SensorTuning {
+    static constexpr Reload kReload = Reload::epoch;  // of the model's keys
+    int thermometer = -1;                             // index of the sensor that temperature_of names, -1: none
+    Options options = no_options();                   // the model's own keys, not yet read
 };
 
 struct RtuSettings {
+    static constexpr Reload kReload = Reload::restart;
     std::string device;  // "" = no RTU
     int baud;
     std::string parity;  // parity: "none", "odd" or "even"
@@ -102,6 +126,7 @@ struct RtuSettings {
 };
 
 struct ModbusSettings {
+    static constexpr Reload kReload = Reload::restart;
     std::string listen;              // ADDRESS:PORT, "" = no TCP
     std::vector<std::string> allow;  // CIDR; required if `listen` is not the loopback
     std::vector<std::string> plc;    // addresses with reserved places
@@ -124,11 +149,13 @@ struct ModbusSettings {
 };
 
 struct ShmSettings {
+    static constexpr Reload kReload = Reload::restart;
     std::string group;  // "" = the daemon's own
     int history;        // samples kept per sensor, a power of two; 0 = as many as keep the segment within 1 MB
 };
 
 struct JawSettings {
+    static constexpr Reload kReload = Reload::tune;
     std::string sensor;
     std::array<double, 3> x_S_in_G, z_S_in_G;  // components as configured: of any length, perpendicular within 1 degree
     // rows: the axes of the skin's frame S, expressed in the gripper's frame G
@@ -137,7 +164,13 @@ struct JawSettings {
     Options options = no_options();
 };
 
-struct GraspSettings {
+struct GraspFiles {
+    static constexpr Reload kReload = Reload::restart;
+    std::string objects;  // path of the file of taught objects
+};
+
+struct GraspSettings : GraspFiles {
+    static constexpr Reload kReload = Reload::tune;
     std::vector<JawSettings> jaws;
     int jaws_of_gripper;                   // with and without a sensor
     std::array<double, 3> gravity_G_m_s2;  // all 0: unknown
@@ -148,11 +181,11 @@ struct GraspSettings {
     double weigh_window_ms;
     double slip_sensitivity;  // 0 .. 1; the key is in percent
     double lift_acceleration_m_s2, lift_accelerates_ms;
-    std::string objects;  // path of the file of taught objects
 };
 
 // A sensor whose force is turned into the gripper's frame, and the part of the hand that it carries.
 struct ToolSensorSettings {
+    static constexpr Reload kReload = Reload::tune;
     std::string sensor;
     std::array<double, 3> x_S_in_G, z_S_in_G;       // axes in the file; all 0: those of [[grasp.jaw]]
     std::array<std::array<double, 3>, 3> S_from_G;  // rows: the axes of S, seen in G
@@ -166,12 +199,14 @@ struct ToolSensorSettings {
 };
 
 struct ToolSettings {
+    static constexpr Reload kReload = Reload::tune;
     std::vector<ToolSensorSettings> sensors;
     std::array<double, 3> gravity_G_m_s2;  // all 0: as [grasp]; there, too: not known
     double acceleration_m_s2, accelerates_ms;
 };
 
 struct GpioSettings {
+    static constexpr Reload kReload = Reload::restart;
     std::string chip;
     std::string fault, grasped, slip, alive;  // GPIO lines; "" = none
     std::string fault_is;                     // the level that means a fault: "low" or "high"

@@ -11,15 +11,9 @@
 #include <vector>
 
 #include "config/options.hpp"
+#include "config/reload.hpp"
 
 namespace tactiled {
-
-// The effect of a changed value when the daemon reads its configuration again (SIGHUP).
-enum class Reload {
-    restart,  // the reload is refused: the daemon must be restarted
-    tune,     // takes effect without a lost sample; neither the measured value nor its zero changes
-    epoch,    // takes effect without a lost sample; the sensor begins a new epoch without its tare
-};
 
 // The facts about a key, as text.
 struct ConfigKey {
@@ -66,9 +60,13 @@ std::string read_text(Options& table, const std::string& key, const std::string*
 std::string with_node_name(const std::string& fallback, const std::string& node_name);
 }  // namespace field
 
+// A structure of settings, or a part of it.
+template <typename Owner, typename Settings>
+concept PartOf = std::is_base_of_v<Owner, Settings>;
+
 // One key of a table and the member of the settings that receives its value. The type of the member selects the
-// constructor. Write the first two arguments with TACTILED_KEY: the key is then the name of the member, and two
-// members cannot be swapped.
+// constructor, and the structure of the member decides what a reload does with a change. Write the first two arguments
+// with TACTILED_KEY: the key is then the name of the member, and two members cannot be swapped.
 template <typename Settings>
 struct Field : ConfigKey {
     template <typename T>
@@ -76,28 +74,30 @@ struct Field : ConfigKey {
 
     std::function<void(Options&, Settings&, const std::string& node_name)> read;
 
-    Field(const char* key, int Settings::*member, Default<int> d, Range r, const char* u, Reload l, const char* h)
-        : ConfigKey{key, "integer", u, field::range_text(r), or_words(d, std::to_string(d.value)), l, h},
+    template <PartOf<Settings> Owner>
+    Field(const char* key, int Owner::*member, Default<int> d, Range r, const char* u, const char* h)
+        : ConfigKey{key, "integer", u, field::range_text(r), or_words(d, std::to_string(d.value)), Owner::kReload, h},
           read([=](Options& table, Settings& settings, const std::string&) {
               settings.*member = static_cast<int>(table.integer(key, r, d.value));
           }) {}
 
-    Field(const char* key, double Settings::*member, Default<double> d, Range r, const char* u, Reload l, const char* h)
-        : ConfigKey{key, "number", u, field::range_text(r), or_words(d, field::number_text(d.value)), l, h},
+    template <PartOf<Settings> Owner>
+    Field(const char* key, double Owner::*member, Default<double> d, Range r, const char* u, const char* h)
+        : ConfigKey{key, "number", u, field::range_text(r), or_words(d, field::number_text(d.value)), Owner::kReload, h},
           read([=](Options& table, Settings& settings, const std::string&) {
               settings.*member = table.number(key, r, d.value);
           }) {}
 
     // All `N` numbers of the default if the key is missing or wrong.
-    template <std::size_t N>
-    Field(const char* key, std::array<double, N> Settings::*member, Same<Default<std::array<double, N>>> d, Range r,
-          const char* u, Reload l, const char* h)
+    template <PartOf<Settings> Owner, std::size_t N>
+    Field(const char* key, std::array<double, N> Owner::*member, Same<Default<std::array<double, N>>> d, Range r,
+          const char* u, const char* h)
         : ConfigKey{key,
                     std::to_string(N) + " numbers",
                     u,
                     field::range_text(r),
                     or_words(d, field::list_text(d.value.data(), N)),
-                    l,
+                    Owner::kReload,
                     h},
           read([=](Options& table, Settings& settings, const std::string&) {
               settings.*member = d.value;
@@ -106,50 +106,55 @@ struct Field : ConfigKey {
           }) {}
 
     // All NaN, which cannot be in a file, if the key is wrong or missing; the caller reports a missing one.
-    template <std::size_t N>
-    Field(const char* key, std::array<double, N> Settings::*member, NoDefault, Range r, const char* u, Reload l,
-          const char* h)
-        : Field(key, member, Default(not_numbers<N>()), r, u, l, h) {
+    template <PartOf<Settings> Owner, std::size_t N>
+    Field(const char* key, std::array<double, N> Owner::*member, NoDefault, Range r, const char* u, const char* h)
+        : Field(key, member, Default(not_numbers<N>()), r, u, h) {
         otherwise = "";
     }
 
-    Field(const char* key, bool Settings::*member, Default<bool> d, Reload l, const char* h)
-        : ConfigKey{key, "boolean", "", "", or_words(d, d.value ? "true" : "false"), l, h},
+    template <PartOf<Settings> Owner>
+    Field(const char* key, bool Owner::*member, Default<bool> d, const char* h)
+        : ConfigKey{key, "boolean", "", "", or_words(d, d.value ? "true" : "false"), Owner::kReload, h},
           read([=](Options& table, Settings& settings, const std::string&) {
               settings.*member = table.flag(key, d.value);
           }) {}
 
     // Without a value if the key is missing or wrong.
-    Field(const char* key, std::optional<bool> Settings::*member, const char* words, Reload l, const char* h)
-        : ConfigKey{key, "boolean", "", "", words, l, h}, read([=](Options& table, Settings& settings, const std::string&) {
+    template <PartOf<Settings> Owner>
+    Field(const char* key, std::optional<bool> Owner::*member, const char* words, const char* h)
+        : ConfigKey{key, "boolean", "", "", words, Owner::kReload, h},
+          read([=](Options& table, Settings& settings, const std::string&) {
               settings.*member = table.optional_flag(key);
           }) {}
 
-    Field(const char* key, std::string Settings::*member, NoDefault, Text t, Reload l, const char* h)
-        : ConfigKey{key, "string", "", field::text_kind(t), "", l, h},
+    template <PartOf<Settings> Owner>
+    Field(const char* key, std::string Owner::*member, NoDefault, Text t, const char* h)
+        : ConfigKey{key, "string", "", field::text_kind(t), "", Owner::kReload, h},
           read([=](Options& table, Settings& settings, const std::string&) {
               settings.*member = field::read_text(table, key, nullptr, t);
           }) {}
 
-    Field(const char* key, std::string Settings::*member, Default<const char*> d, Text t, Reload l, const char* h)
-        : ConfigKey{key, "string", "", field::text_kind(t), or_words(d, field::quoted(d.value)), l, h},
+    template <PartOf<Settings> Owner>
+    Field(const char* key, std::string Owner::*member, Default<const char*> d, Text t, const char* h)
+        : ConfigKey{key, "string", "", field::text_kind(t), or_words(d, field::quoted(d.value)), Owner::kReload, h},
           read([=](Options& table, Settings& settings, const std::string& node_name) {
               const std::string fallback = field::with_node_name(d.value, node_name);
               settings.*member = field::read_text(table, key, &fallback, t);
           }) {}
 
-    Field(const char* key, std::string Settings::*member, const char* fallback, const Choices& choices, Reload l,
-          const char* h)
-        : ConfigKey{key, "string", "", field::choices_text(choices), field::quoted(fallback), l, h},
+    template <PartOf<Settings> Owner>
+    Field(const char* key, std::string Owner::*member, const char* fallback, const Choices& choices, const char* h)
+        : ConfigKey{key, "string", "", field::choices_text(choices), field::quoted(fallback), Owner::kReload, h},
           read([=](Options& table, Settings& settings, const std::string&) {
               settings.*member = table.one_of(key, choices, fallback);
           }) {}
 
     // A missing or wrong list is empty.
-    Field(const char* key, std::vector<std::string> Settings::*member, const char* words, Count c, Reload l, const char* h)
+    template <PartOf<Settings> Owner>
+    Field(const char* key, std::vector<std::string> Owner::*member, const char* words, Count c, const char* h)
         : ConfigKey{key,   "strings",
                     "",    c.max == SIZE_MAX ? "" : field::range_text({double(c.min), double(c.max)}) + " of them",
-                    words, l,
+                    words, Owner::kReload,
                     h},
           read([=](Options& table, Settings& settings, const std::string&) { settings.*member = table.texts(key, c); }) {}
 

@@ -8,22 +8,20 @@ namespace tactiled {
 const Fields<GpioSettings>& gpio_fields() {
     using S = GpioSettings;
     static const Fields<S> fields = {
-        {TACTILED_KEY(S, chip), kRequired, Text::any, Reload::restart,
-         "Label, name or path of the chip, as gpiodetect prints them."},
-        {TACTILED_KEY(S, fault), Default("", "none"), Text::any, Reload::restart,
+        {TACTILED_KEY(S, chip), kRequired, Text::any, "Label, name or path of the chip, as gpiodetect prints them."},
+        {TACTILED_KEY(S, fault), Default("", "none"), Text::any,
          "Line, an offset or a name as gpioinfo prints them. It means a fault unless every sensor has a value and no fault "
          "is latched, and also when the daemon ends."},
-        {TACTILED_KEY(S, grasped), Default("", "none"), Text::any, Reload::restart,
+        {TACTILED_KEY(S, grasped), Default("", "none"), Text::any,
          "Line that is high while something is grasped; needs [grasp]."},
-        {TACTILED_KEY(S, slip), Default("", "none"), Text::any, Reload::restart,
+        {TACTILED_KEY(S, slip), Default("", "none"), Text::any,
          "Line that is high during a slip, for slip_ms at least; needs [grasp]."},
-        {TACTILED_KEY(S, alive), Default("", "none"), Text::any, Reload::restart,
+        {TACTILED_KEY(S, alive), Default("", "none"), Text::any,
          "Line that changes each 100 ms while the loop runs and a sensor delivers. Watch it: a daemon that was killed "
          "cannot report a fault, and most chips keep the last level."},
-        {TACTILED_KEY(S, fault_is), "low", Choices{"low", "high"}, Reload::restart,
+        {TACTILED_KEY(S, fault_is), "low", Choices{"low", "high"},
          "Level of the line `fault` that means a fault. A cut wire with a pull-down is low, too."},
-        {TACTILED_KEY(S, slip_ms), 100, range(10, 10'000), "ms", Reload::restart,
-         "Time for which a slip is shown at least."},
+        {TACTILED_KEY(S, slip_ms), 100, range(10, 10'000), "ms", "Time for which a slip is shown at least."},
     };
     return fields;
 }

@@ -113,13 +113,13 @@ void check_gravity(Options& table, const char* key, const Vector& gravity_m_s2) 
 const Fields<JawSettings>& jaw_fields() {
     using S = JawSettings;
     static const Fields<S> fields = {
-        {TACTILED_KEY(S, sensor), kRequired, Text::any, Reload::tune,
+        {TACTILED_KEY(S, sensor), kRequired, Text::any,
          "Name of a [[sensor]]; its contact_on_N and contact_off_N are those of the press."},
-        {TACTILED_KEY(S, x_S_in_G), kRequired, range(-1000, 1000), "", Reload::tune,
+        {TACTILED_KEY(S, x_S_in_G), kRequired, range(-1000, 1000), "",
          "Direction of the skin's x axis, along its connector, in G; of any length."},
-        {TACTILED_KEY(S, z_S_in_G), kRequired, range(-1000, 1000), "", Reload::tune,
+        {TACTILED_KEY(S, z_S_in_G), kRequired, range(-1000, 1000), "",
          "Direction of the skin's z axis, out of the skin, in G; perpendicular to x within 1 degree."},
-        {TACTILED_KEY(S, share), Default(0.0, "0 = all jaws alike"), range(0, 1), "", Reload::tune,
+        {TACTILED_KEY(S, share), Default(0.0, "0 = all jaws alike"), range(0, 1), "",
          "Fraction of the weight that this jaw carries; for all jaws or for none."},
     };
     return fields;
@@ -128,28 +128,27 @@ const Fields<JawSettings>& jaw_fields() {
 const Fields<GraspSettings>& grasp_fields() {
     using S = GraspSettings;
     static const Fields<S> fields = {
-        {TACTILED_KEY(S, jaws_of_gripper), Default(0, "as many as there are [[grasp.jaw]]"), range(1, 16), "", Reload::tune,
+        {TACTILED_KEY(S, jaws_of_gripper), Default(0, "as many as there are [[grasp.jaw]]"), range(1, 16), "",
          "Number of jaws, with and without a sensor."},
-        {TACTILED_KEY(S, gravity_G_m_s2), Vector{0, 0, 0}, range(-10, 10), "m/s^2", Reload::tune,
+        {TACTILED_KEY(S, gravity_G_m_s2), Vector{0, 0, 0}, range(-10, 10), "m/s^2",
          "Direction in which weight pulls, seen in G, with a length of 9.7 .. 9.9; [0, 0, 9.81] = the palm looks down. [0, "
          "0, 0] = not known: no weight until the PLC writes GRAVITY_X .. GRAVITY_Z."},
-        {TACTILED_KEY(S, friction), 0, range(0, 5), "", Reload::tune,
+        {TACTILED_KEY(S, friction), 0, range(0, 5), "",
          "Friction coefficient between skin and object at the start; 0 = not known until a slip shows it."},
-        {TACTILED_KEY(S, share_sd), 0.01, range(1e-6, 1), "", Reload::tune,
+        {TACTILED_KEY(S, share_sd), 0.01, range(1e-6, 1), "",
          "Standard deviation of a jaw's share of the weight from grasp to grasp, where some jaws have no sensor and a known "
          "weight was shown (`tactilectl weigh known`)."},
-        {TACTILED_KEY(S, margin), 1.5, range(1, 10), "", Reload::tune, "Recommended grip divided by the minimum grip."},
-        {TACTILED_KEY(S, weigh_window_ms), 100, range(10, 1000), "ms", Reload::tune,
-         "Time over which the weight is averaged."},
-        {TACTILED_KEY(S, slip_sensitivity), 50, range(0, 100), "%", Reload::tune,
+        {TACTILED_KEY(S, margin), 1.5, range(1, 10), "", "Recommended grip divided by the minimum grip."},
+        {TACTILED_KEY(S, weigh_window_ms), 100, range(10, 1000), "ms", "Time over which the weight is averaged."},
+        {TACTILED_KEY(S, slip_sensitivity), 50, range(0, 100), "%",
          "100 detects the smallest slips, and false ones as well."},
-        {TACTILED_KEY(S, lift_acceleration_m_s2), 2, range(0, 50), "m/s^2", Reload::tune,
+        {TACTILED_KEY(S, lift_acceleration_m_s2), 2, range(0, 50), "m/s^2",
          "Largest acceleration of the arm while it lifts, where the PLC does not write it."},
-        {TACTILED_KEY(S, lift_accelerates_ms), 1000, range(0, 5000), "ms", Reload::tune,
+        {TACTILED_KEY(S, lift_accelerates_ms), 1000, range(0, 5000), "ms",
          "Time after lift-off by which the arm no longer accelerates or brakes. A weight becomes stable weigh_window_ms "
          "later at the earliest. Set less only where it is true of the arm: otherwise a stable weight may be measured while "
          "the arm brakes. Not waited for where the PLC writes the acceleration."},
-        {TACTILED_KEY(S, objects), "/var/lib/tactiled/NAME.objects.toml", Text::any, Reload::restart,
+        {TACTILED_KEY(S, objects), "/var/lib/tactiled/NAME.objects.toml", Text::any,
          "File of taught objects, seen from the folder of this file. The register TEACH and `tactilectl teach` write it; "
          "the user who runs the latter must be allowed to write there."},
     };

@@ -11,8 +11,8 @@ namespace tactiled {
 namespace {
 
 template <typename Settings>
-KeyTable table(const char* header, const Fields<Settings>& fields, Reload others, const char* about) {
-    return {header, about, others, {fields.begin(), fields.end()}};
+KeyTable table(const char* header, const Fields<Settings>& fields, const char* about) {
+    return {header, about, Settings::kReload, {fields.begin(), fields.end()}};
 }
 
 const KeyTable* find_table(std::string_view name) {
@@ -49,31 +49,31 @@ std::string KeyTable::name() const {
 
 const std::vector<KeyTable>& key_tables() {
     static const std::vector<KeyTable> tables = {
-        table("[node]", node_fields(), Reload::restart, "The daemon as a whole."),
-        table("[realtime]", realtime_fields(), Reload::restart, "Priorities, memory and period of the threads."),
-        table("[[link]]", link_fields(), Reload::restart,
+        table("[node]", node_fields(), "The daemon as a whole."),
+        table("[realtime]", realtime_fields(), "Priorities, memory and period of the threads."),
+        table("[[link]]", link_fields(),
               "One table for each cable, 1 .. 16. The other keys belong to the driver: drivers/README.md."),
-        table("[[sensor]]", sensor_fields(), Reload::epoch,
+        table("[[sensor]]", sensor_fields(),
               "One table for each sensor, 1 .. 16: it turns channels into one force. Further keys belong to the model: "
               "decoupling/README.md."),
-        table("[grasp]", grasp_fields(), Reload::tune,
+        table("[grasp]", grasp_fields(),
               "The grasp: from the forces of the jaws to contact, grip, slip, weight and object. Optional; without it the "
               "registers of the grasp are \"not known\". The frame G of the gripper has z out of the palm, towards the "
               "object; x "
               "and y are free, right-handed."),
-        table("[[grasp.jaw]]", jaw_fields(), Reload::tune, "One table for each sensor that sits on a jaw, 1 .. 16."),
-        table("[tool]", tool_fields(), Reload::tune,
+        table("[[grasp.jaw]]", jaw_fields(), "One table for each sensor that sits on a jaw, 1 .. 16."),
+        table("[tool]", tool_fields(),
               "The wrench on the gripper: the forces of sensors in the gripper's frame G, less the weight of the hand, and "
               "their "
               "sum. Optional."),
         table(
-            "[[tool.sensor]]", tool_sensor_fields(), Reload::tune,
+            "[[tool.sensor]]", tool_sensor_fields(),
             "One table for each sensor of the sum, 1 .. 16. Each force is counted once: a wrist and the jaws behind it are "
             "not summed."),
-        table("[modbus]", modbus_fields(), Reload::restart, "The Modbus server. Its registers: node/modbus/MAP.md."),
-        table("[modbus.rtu]", rtu_fields(), Reload::restart, "The same server on a serial line."),
-        table("[shm]", shm_fields(), Reload::restart, "The shared memory."),
-        table("[gpio]", gpio_fields(), Reload::restart,
+        table("[modbus]", modbus_fields(), "The Modbus server. Its registers: node/modbus/MAP.md."),
+        table("[modbus.rtu]", rtu_fields(), "The same server on a serial line."),
+        table("[shm]", shm_fields(), "The shared memory."),
+        table("[gpio]", gpio_fields(),
               "Lines that tell another machine what the node sees, where there is no PLC. Optional. Each needs a line of "
               "its own."),
     };

@@ -29,24 +29,21 @@ void check_listen(Options& table, const ModbusSettings& modbus) {
 const Fields<ModbusSettings>& modbus_fields() {
     using S = ModbusSettings;
     static const Fields<S> fields = {
-        {TACTILED_KEY(S, listen), "127.0.0.1:1502", Text::any, Reload::restart,
+        {TACTILED_KEY(S, listen), "127.0.0.1:1502", Text::any,
          "ADDRESS:PORT of Modbus TCP, \"[::1]:1502\" for IPv6; \"\" = no Modbus TCP. Port 502 needs a capability."},
-        {TACTILED_KEY(S, allow), "[]", Count{}, Reload::restart,
+        {TACTILED_KEY(S, allow), "[]", Count{},
          "Networks that may connect, as \"192.168.0.10/32\". Required where `listen` is not the loopback and `plc` is "
          "empty."},
-        {TACTILED_KEY(S, plc), "[]", Count{}, Reload::restart,
+        {TACTILED_KEY(S, plc), "[]", Count{},
          "Addresses, as \"192.168.0.10\", that may connect and always find a place, 4 connections each."},
-        {TACTILED_KEY(S, max_clients), 8, range(1, 64), "", Reload::restart,
-         "Clients at a time, in addition to those of `plc`."},
-        {TACTILED_KEY(S, max_requests_per_s), 2000, range(0, 1'000'000), "1/s", Reload::restart,
+        {TACTILED_KEY(S, max_clients), 8, range(1, 64), "", "Clients at a time, in addition to those of `plc`."},
+        {TACTILED_KEY(S, max_requests_per_s), 2000, range(0, 1'000'000), "1/s",
          "Requests of a client; 0 = no limit. Faster requests wait, and none is lost."},
-        {TACTILED_KEY(S, commands), false, Reload::restart,
-         "If true, commands, settings and hints (5000 .. 5091, coils) may be written."},
-        {TACTILED_KEY(S, command_allow), "[], all that may connect", Count{}, Reload::restart,
+        {TACTILED_KEY(S, commands), false, "If true, commands, settings and hints (5000 .. 5091, coils) may be written."},
+        {TACTILED_KEY(S, command_allow), "[], all that may connect", Count{},
          "Networks that may write, as \"192.168.0.10/32\". Needs commands = true."},
-        {TACTILED_KEY(S, scratch), false, Reload::restart,
-         "If true, there are 128 free registers at 5100, to try a client."},
-        {TACTILED_KEY(S, settings), "/var/lib/tactiled/NAME.settings.toml", Text::full_path, Reload::restart,
+        {TACTILED_KEY(S, scratch), false, "If true, there are 128 free registers at 5100, to try a client."},
+        {TACTILED_KEY(S, settings), "/var/lib/tactiled/NAME.settings.toml", Text::full_path,
          "File in which the register SAVE stores."},
     };
     return fields;
@@ -55,16 +52,14 @@ const Fields<ModbusSettings>& modbus_fields() {
 const Fields<RtuSettings>& rtu_fields() {
     using S = RtuSettings;
     static const Fields<S> fields = {
-        {TACTILED_KEY(S, device), "", Text::any, Reload::restart,
-         "A tty, such as \"/dev/serial/by-id/usb-FTDI_...\"; \"\" = no Modbus RTU."},
-        {TACTILED_KEY(S, baud), 19'200, range(300, 4'000'000), "bit/s", Reload::restart, "Rate of the line."},
-        {TACTILED_KEY(S, parity), "even", Choices{"none", "odd", "even"}, Reload::restart,
-         "With \"none\" there are two stop bits."},
-        {TACTILED_KEY(S, address), 1, range(1, 247), "", Reload::restart, "Address of this server on the line."},
-        {TACTILED_KEY(S, silence_us), 0, range(0, 50'000), "us", Reload::restart,
+        {TACTILED_KEY(S, device), "", Text::any, "A tty, such as \"/dev/serial/by-id/usb-FTDI_...\"; \"\" = no Modbus RTU."},
+        {TACTILED_KEY(S, baud), 19'200, range(300, 4'000'000), "bit/s", "Rate of the line."},
+        {TACTILED_KEY(S, parity), "even", Choices{"none", "odd", "even"}, "With \"none\" there are two stop bits."},
+        {TACTILED_KEY(S, address), 1, range(1, 247), "", "Address of this server on the line."},
+        {TACTILED_KEY(S, silence_us), 0, range(0, 50'000), "us",
          "Silence between a request and its answer; 0 = 3.5 characters. The pieces of a request may be 1750 us apart, or so "
          "long: set more where a USB adapter makes larger gaps."},
-        {TACTILED_KEY(S, rs485), false, Reload::restart,
+        {TACTILED_KEY(S, rs485), false,
          "If true, the driver of the kernel switches the direction (TIOCSRS485). Most USB adapters switch it themselves."},
     };
     return fields;

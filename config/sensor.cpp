@@ -12,8 +12,6 @@
 namespace tactiled {
 namespace {
 
-constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr std::array<double, 2> kUnlimited = {-kInf, kInf};
 constexpr std::array<double, 2> kNoRange = {std::numeric_limits<double>::quiet_NaN(),
                                             std::numeric_limits<double>::quiet_NaN()};
 constexpr double kUnset = std::numeric_limits<double>::quiet_NaN();  // cannot be in a file
@@ -35,104 +33,102 @@ void check_channels(Options& table, const std::vector<std::string>& channels) {
 
 const Fields<SensorSettings>& sensor_fields() {
     using S = SensorSettings;
+    static const SensorTuning d;  // the defaults
     static const Fields<S> fields = {
-        {TACTILED_KEY(S, name), kRequired, Text::name, Reload::restart,
-         "Name of the sensor, unique, as commands and readers refer to it."},
-        {TACTILED_KEY(S, link), kRequired, Text::any, Reload::restart, "Name of a [[link]]."},
-        {TACTILED_KEY(S, device), 0, range(0, 65'535), "", Reload::restart,
-         "Number of the device, where the link carries several."},
-        {TACTILED_KEY(S, channels), "the channels of the calibration, in its order", Count{1, kMaxChannels}, Reload::epoch,
+        {TACTILED_KEY(S, name), kRequired, Text::name, "Name of the sensor, unique, as commands and readers refer to it."},
+        {TACTILED_KEY(S, link), kRequired, Text::any, "Name of a [[link]]."},
+        {TACTILED_KEY(S, device), 0, range(0, 65'535), "", "Number of the device, where the link carries several."},
+        {TACTILED_KEY(S, channels), "the channels of the calibration, in its order", Count{1, kMaxChannels},
          "Names of the channels of the frame, in order; \"-\" = not used."},
-        {TACTILED_KEY(S, counts_per_unit), 1, range(1e-18, 1e18), "", Reload::epoch,
+        {TACTILED_KEY(S, counts_per_unit), 1, range(1e-18, 1e18), "",
          "The raw number of the frame divided by this value is in the unit of the calibration."},
-        {TACTILED_KEY(S, saturates_at), Default(kUnlimited, "only what the driver reports"), range(-1e300, 1e300),
-         "raw numbers", Reload::tune, "A channel at or beyond one of the two, [lowest, highest], is saturated."},
-        {TACTILED_KEY(S, temperature), "", Text::any, Reload::epoch,
+        {TACTILED_KEY(S, saturates_at), Default(d.saturates_at, "only what the driver reports"), range(-1e300, 1e300),
+         "raw numbers", "A channel at or beyond one of the two, [lowest, highest], is saturated."},
+        {TACTILED_KEY(S, temperature), "", Text::any,
          "The name in `channels` that is the sensor's temperature in degC; \"\" = the link delivers none."},
-        {TACTILED_KEY(S, temperature_of), "", Text::any, Reload::epoch,
+        {TACTILED_KEY(S, temperature_of), "", Text::any,
          "Another [[sensor]] that has a `temperature`, where both are of the same temperature; \"\" = none."},
         {TACTILED_KEY(S, temperature_range_C), Default(kNoRange, "10 K wide for hairs, gauges and pads; else not declared"),
-         range(-273.15, 1000), "degC", Reload::epoch,
+         range(-273.15, 1000), "degC",
          "[lowest, highest] in use. The standard deviation contains what the range can change where the coefficient is "
          "known, by the calibration or by the model, and the calibration cannot take the temperature off. Equal numbers = "
          "constant, or compensated by the electronics. A measured temperature outside of the range is UNCERTAIN."},
         {TACTILED_KEY(S, temperature_difference_K), Default(kUnset, "0.5, at most the width of temperature_range_C"),
-         range(0, 100), "K", Reload::epoch,
+         range(0, 100), "K",
          "Largest difference of temperature between two channels, or between a channel and the thermometer. The standard "
          "deviation contains what it can change."},
         {TACTILED_KEY(S, temperature_frozen_after),
-         Default(-1, "0, but 100 if the driver knows that noise moves every number"), range(0, 1'000'000), "readings",
-         Reload::tune, "A temperature that repeats one number this often (2 or more) is not used; 0 = it may repeat."},
-        {TACTILED_KEY(S, temperature_jump_K), 1, range(0.01, 1000), "K", Reload::tune,
+         Default(d.temperature_frozen_after, "0, but 100 if the driver knows that noise moves every number"),
+         range(0, 1'000'000), "readings",
+         "A temperature that repeats one number this often (2 or more) is not used; 0 = it may repeat."},
+        {TACTILED_KEY(S, temperature_jump_K), d.temperature_jump_K, range(0.01, 1000), "K",
          "A temperature that moves farther than this, beyond 0.1 K/s, is not used until it returns, or until a tare."},
-        {TACTILED_KEY(S, expect_serial), "", Text::any, Reload::epoch,
+        {TACTILED_KEY(S, expect_serial), "", Text::any,
          "Serial of the sensor that is mounted here; a calibration of another one is refused. \"\" = any."},
-        {TACTILED_KEY(S, serial_channel), "", Text::any, Reload::epoch,
+        {TACTILED_KEY(S, serial_channel), "", Text::any,
          "The name in `channels` that is the number of the device. A frame with another number than the serial of the "
          "calibration is BAD, wrong device. \"\" = the device does not report a number."},
-        {TACTILED_KEY(S, model), kRequired, Text::any, Reload::restart,
+        {TACTILED_KEY(S, model), kRequired, Text::any,
          "Model of the sensor, as in the calibration; decoupling/README.md lists them."},
-        {TACTILED_KEY(S, calibration), kRequired, Text::any, Reload::epoch,
-         "Path of the calibration, seen from the folder of this file."},
-        {TACTILED_KEY(S, method), Default("", "the method of the calibration"), Text::any, Reload::epoch,
+        {TACTILED_KEY(S, calibration), kRequired, Text::any, "Path of the calibration, seen from the folder of this file."},
+        {TACTILED_KEY(S, method), Default("", "the method of the calibration"), Text::any,
          "A method of the model, or \"auto\" = the most accurate one within budget_us."},
-        {TACTILED_KEY(S, budget_us), 10, range(0.01, 10'000), "us", Reload::epoch,
+        {TACTILED_KEY(S, budget_us), 10, range(0.01, 10'000), "us",
          "Time that 7 of 8 samples may take with method \"auto\". When they take longer, it steps down to a faster method, "
          "and up again after a calm stretch (decoupling/README.md)."},
-        {TACTILED_KEY(S, stale_ms), 100, range(1, 10'000), "ms", Reload::restart,
-         "Without a frame for longer, the force is BAD."},
+        {TACTILED_KEY(S, stale_ms), 100, range(1, 10'000), "ms", "Without a frame for longer, the force is BAD."},
         {TACTILED_KEY(S, frozen_after),
-         Default(-1,
+         Default(d.frozen_after,
                  "10 times the longest run in the calibration and at least 100, never for a channel that stood still in it; "
                  "without rows at rest 100, and 10 s where the driver does not know that noise moves every number"),
-         range(0, 1'000'000), "readings", Reload::tune,
+         range(0, 1'000'000), "readings",
          "A channel that repeats one number this often (2 or more) is dead and has no value; 0 = a channel may repeat. A "
          "quiet sensor of few bits, or one that is asked more often than it measures, repeats itself rightly: set many "
          "times what a recording at rest shows (`tactilectl record`)."},
-        {TACTILED_KEY(S, delay_ms), Default(-1.0, "the delay of the converter if the driver knows it, else 0"),
-         range(0, 10'000), "ms", Reload::tune,
+        {TACTILED_KEY(S, delay_ms), Default(d.delay_ms, "the delay of the converter if the driver knows it, else 0"),
+         range(0, 10'000), "ms",
          "Time from the middle of a measurement to the arrival of its frame: conversion, filters, transmission. While the "
          "force moves, the standard deviation contains what it can change in that time; the timestamp stays."},
-        {TACTILED_KEY(S, slew_limit_per_s), Default(kInf, "none"), range(1e-300, 1e300), "raw numbers a second",
-         Reload::tune, "A channel that changes faster makes the force UNCERTAIN."},
-        {TACTILED_KEY(S, rate_Hz), 0, range(0, 1e6), "Hz", Reload::tune,
+        {TACTILED_KEY(S, slew_limit_per_s), Default(d.slew_limit_per_s, "none"), range(1e-300, 1e300),
+         "raw numbers a second", "A channel that changes faster makes the force UNCERTAIN."},
+        {TACTILED_KEY(S, rate_Hz), d.rate_Hz, range(0, 1e6), "Hz",
          "Rate at which the device is set to send; 0 = not declared. Another rate is reported as a warning, and the force "
          "stays GOOD."},
-        {TACTILED_KEY(S, rate_tolerance), 0.2, range(0.01, 1), "", Reload::tune,
+        {TACTILED_KEY(S, rate_tolerance), d.rate_tolerance, range(0.01, 1), "",
          "Deviation from rate_Hz, measured over a second, that is accepted, as a fraction of it."},
-        {TACTILED_KEY(S, drift_limit_N), 0, range(0, 1e6), "N", Reload::tune,
+        {TACTILED_KEY(S, drift_limit_N), d.drift_limit_N, range(0, 1e6), "N",
          "A zero at rest that is farther than this from that of the calibration is reported as maintenance; 0 = no limit."},
-        {TACTILED_KEY(S, register_N), 0.01, range(1e-6, 10), "N", Reload::restart,
+        {TACTILED_KEY(S, register_N), 0.01, range(1e-6, 10), "N",
          "One count of FX, FY, FZ, F_TANG, F_MAG and PEAK in the sensor's block of the register map; a power of ten, which "
          "the register SCALE has. A small sensor needs a smaller count: 0.3 N are 30 counts of 0.01 N."},
-        {TACTILED_KEY(S, tare_ms), 100, range(1, 10'000), "ms", Reload::tune,
+        {TACTILED_KEY(S, tare_ms), d.tare_ms, range(1, 10'000), "ms",
          "Time over which a tare averages, at least 8 samples. A tare is refused while the force moves."},
-        {TACTILED_KEY(S, tare_limit_N), Default(-1.0, "20 % of full scale, of each component of the force its own"),
-         range(0, 1e6), "N", Reload::tune,
+        {TACTILED_KEY(S, tare_limit_N),
+         Default(d.tare_limit_N, "20 % of full scale, of each component of the force its own"), range(0, 1e6), "N",
          "A tare is refused when the force, as calibrated, is larger than this: the sensor is loaded. 0 = no limit."},
-        {TACTILED_KEY(S, accept_unproved_age), false, Reload::tune,
+        {TACTILED_KEY(S, accept_unproved_age), d.accept_unproved_age,
          "A stream on a network path that has neither a clock nor a counter may be tared and weighed with, although nothing "
          "shows when it was delayed."},
-        {TACTILED_KEY(S, tare_after_restart), "restore", Choices{"restore", "forget"}, Reload::tune,
+        {TACTILED_KEY(S, tare_after_restart), d.tare_after_restart.c_str(), Choices{"restore", "forget"},
          "\"restore\": a restart continues with the zero of the last tare, if calibration and serial are the same. "
          "\"forget\": "
          "a sensor that was tared is UNCERTAIN after a restart (zero unknown) until it is tared again or its tare is "
          "removed."},
-        {TACTILED_KEY(S, filter_hz), 0, range(0, 10'000), "Hz", Reload::tune,
+        {TACTILED_KEY(S, filter_hz), d.filter_hz, range(0, 10'000), "Hz",
          "Low-pass filter on force and torque (-3 dB at this frequency); 0 = off. Raw values are never filtered."},
-        {TACTILED_KEY(S, contact_on_N), 0.5, range(0.01, 300), "N", Reload::tune,
+        {TACTILED_KEY(S, contact_on_N), d.contact_on_N, range(0.01, 300), "N",
          "Magnitude of the force at which contact begins."},
-        {TACTILED_KEY(S, contact_off_N), Default(kUnset, "half of contact_on_N"), range(0, 300), "N", Reload::tune,
+        {TACTILED_KEY(S, contact_off_N), Default(kUnset, "half of contact_on_N"), range(0, 300), "N",
          "Magnitude of the force below which contact ends; at most contact_on_N."},
-        {TACTILED_KEY(S, overload_N), 0, range(0, 1e6), "N", Reload::tune,
+        {TACTILED_KEY(S, overload_N), d.overload_N, range(0, 1e6), "N",
          "Magnitude of the force above which OVERLOAD is set; 0 = never."},
-        {TACTILED_KEY(S, agrees_with), "", Text::any, Reload::tune,
+        {TACTILED_KEY(S, agrees_with), "", Text::any,
          "Another [[sensor]] that measures the same force in the same frame; \"\" = none. Both are UNCERTAIN where they "
          "differ. One of the two names the other."},
-        {TACTILED_KEY(S, agree_N), 0, range(0, 1e6), "N", Reload::tune,
+        {TACTILED_KEY(S, agree_N), d.agree_N, range(0, 1e6), "N",
          "Required with agrees_with: by how much the tared forces of the two may differ, as magnitude over the components "
          "that both see."},
-        {TACTILED_KEY(S, agree_ms), 100, range(1, 60'000), "ms", Reload::tune, "Time for which they may differ by more."},
+        {TACTILED_KEY(S, agree_ms), d.agree_ms, range(1, 60'000), "ms", "Time for which they may differ by more."},
     };
     return fields;
 }

@@ -50,25 +50,25 @@ void check_name(std::vector<ToolSensorSettings>& all, ToolSensorSettings& one, c
 const Fields<ToolSensorSettings>& tool_sensor_fields() {
     using S = ToolSensorSettings;
     static const Fields<S> fields = {
-        {TACTILED_KEY(S, sensor), kRequired, Text::any, Reload::tune, "Name of a [[sensor]]."},
-        {TACTILED_KEY(S, x_S_in_G), Default(kUnset, "the axis of [[grasp.jaw]]"), range(-1000, 1000), "", Reload::tune,
+        {TACTILED_KEY(S, sensor), kRequired, Text::any, "Name of a [[sensor]]."},
+        {TACTILED_KEY(S, x_S_in_G), Default(kUnset, "the axis of [[grasp.jaw]]"), range(-1000, 1000), "",
          "Direction of the sensor's x axis in G, of any length."},
-        {TACTILED_KEY(S, z_S_in_G), Default(kUnset, "the axis of [[grasp.jaw]]"), range(-1000, 1000), "", Reload::tune,
+        {TACTILED_KEY(S, z_S_in_G), Default(kUnset, "the axis of [[grasp.jaw]]"), range(-1000, 1000), "",
          "Direction of the sensor's z axis in G; perpendicular to x within 1 degree."},
-        {TACTILED_KEY(S, position_G_mm), kNone, range(-10'000, 10'000), "mm", Reload::tune,
+        {TACTILED_KEY(S, position_G_mm), kNone, range(-10'000, 10'000), "mm",
          "Origin of the sensor's frame in G: the lever arm of its force."},
-        {TACTILED_KEY(S, mass_kg), 0, range(0, 1000), "kg", Reload::tune,
+        {TACTILED_KEY(S, mass_kg), 0, range(0, 1000), "kg",
          "Mass of the part of the hand that this sensor carries: all of the hand at a wrist, its own pad at a finger. "
          "`tactilectl tool-fit` measures this key and the following ones."},
-        {TACTILED_KEY(S, mass_sd_kg), 0, range(0, 1000), "kg", Reload::tune, "Its standard deviation."},
-        {TACTILED_KEY(S, centre_G_mm), kNone, range(-10'000, 10'000), "mm", Reload::tune, "Centre of that mass in G."},
-        {TACTILED_KEY(S, centre_sd_mm), 0, range(0, 10'000), "mm", Reload::tune, "Its standard deviation, each component."},
-        {TACTILED_KEY(S, zero_S_N), kNone, range(-1e6, 1e6), "N", Reload::tune,
+        {TACTILED_KEY(S, mass_sd_kg), 0, range(0, 1000), "kg", "Its standard deviation."},
+        {TACTILED_KEY(S, centre_G_mm), kNone, range(-10'000, 10'000), "mm", "Centre of that mass in G."},
+        {TACTILED_KEY(S, centre_sd_mm), 0, range(0, 10'000), "mm", "Its standard deviation, each component."},
+        {TACTILED_KEY(S, zero_S_N), kNone, range(-1e6, 1e6), "N",
          "Force that the sensor reads without any load and without the weight, in its frame; used where no tare is in "
          "force."},
-        {TACTILED_KEY(S, zero_S_Nm), kNone, range(-1e6, 1e6), "Nm", Reload::tune, "The same of the torque."},
-        {TACTILED_KEY(S, zero_sd_N), 0, range(0, 1e6), "N", Reload::tune, "Standard deviation of zero_S_N."},
-        {TACTILED_KEY(S, zero_sd_Nm), 0, range(0, 1e6), "Nm", Reload::tune, "Standard deviation of zero_S_Nm."},
+        {TACTILED_KEY(S, zero_S_Nm), kNone, range(-1e6, 1e6), "Nm", "The same of the torque."},
+        {TACTILED_KEY(S, zero_sd_N), 0, range(0, 1e6), "N", "Standard deviation of zero_S_N."},
+        {TACTILED_KEY(S, zero_sd_Nm), 0, range(0, 1e6), "Nm", "Standard deviation of zero_S_Nm."},
     };
     return fields;
 }
@@ -77,13 +77,12 @@ const Fields<ToolSettings>& tool_fields() {
     using S = ToolSettings;
     static const Fields<S> fields = {
         {TACTILED_KEY(S, gravity_G_m_s2), Default(kNone, "the one of [grasp], else not known"), range(-10, 10), "m/s^2",
-         Reload::tune,
          "Direction in which weight pulls, seen in G, with a length of 9.7 .. 9.9, until the PLC writes GRAVITY_X .. "
          "GRAVITY_Z. A hand that turns needs the latter."},
-        {TACTILED_KEY(S, acceleration_m_s2), 2, range(0, 50), "m/s^2", Reload::tune,
+        {TACTILED_KEY(S, acceleration_m_s2), 2, range(0, 50), "m/s^2",
          "Largest acceleration of the arm. It is in the standard deviation while the force is not steady and the PLC does "
          "not write the acceleration."},
-        {TACTILED_KEY(S, accelerates_ms), 1000, range(0, 5000), "ms", Reload::tune,
+        {TACTILED_KEY(S, accelerates_ms), 1000, range(0, 5000), "ms",
          "Time for which an arm accelerates at the longest: after so long a steady force is that of a hand at rest."},
     };
     return fields;

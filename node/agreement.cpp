@@ -20,37 +20,37 @@ bool is_comparable(const tactiled_sample& s) noexcept {
 
 }  // namespace
 
-void Agreement::judge_by(const Limits& limits) noexcept {
-    if (limits.other != limits_.other) *this = Agreement(limits);
-    limits_ = limits;
-}
-
 void Agreement::succeed(const Agreement& before) noexcept {
-    if (limits_.other == before.limits_.other) differs_ = before.differs_;
+    compared_with_ = before.compared_with_;
+    differs_ = before.differs_;
 }
 
 // Returns true if the condition has lasted since `since_ns` for as long as the patience; the first time, or a time
 // that goes back, restarts it.
 bool Agreement::has_lasted(std::uint64_t& since_ns, std::uint64_t now_ns) const noexcept {
     if (since_ns == 0 || now_ns < since_ns) since_ns = now_ns;
-    return now_ns - since_ns >= limits_.patience_ns;
+    return now_ns - since_ns >= patience_ns();
 }
 
 bool Agreement::compare(const tactiled_sample& mine, const tactiled_sample& others) noexcept {
+    if (other() != compared_with_) {
+        *this = Agreement(*pair_);
+        compared_with_ = other();
+    }
     if ((others.reasons & kCulprit) == 0)
         guilty_since_ns_ = 0;
     else if (has_lasted(guilty_since_ns_, mine.t_ns))
         differs_ = false;
     const std::uint64_t between_ns = mine.t_ns > others.t_ns ? mine.t_ns - others.t_ns : others.t_ns - mine.t_ns;
-    if (!is_comparable(mine) || !is_comparable(others) || between_ns > limits_.patience_ns) return differs_;
-    if (mine.t_ns - compared_ns_ > limits_.patience_ns) otherwise_since_ns_ = 0;  // a gap separates these times
+    if (!is_comparable(mine) || !is_comparable(others) || between_ns > patience_ns()) return differs_;
+    if (mine.t_ns - compared_ns_ > patience_ns()) otherwise_since_ns_ = 0;  // a gap separates these times
     compared_ns_ = mine.t_ns;
     double squares = 0;  // sum over the components that both sensors measure
     for (std::size_t i = 0; i < 3; ++i) {
         const double apart_N = mine.force_S_N[i] - others.force_S_N[i];
         if (std::isfinite(apart_N)) squares += apart_N * apart_N;
     }
-    const bool apart = squares > limits_.max_N * limits_.max_N;
+    const bool apart = squares > pair_->agree_N * pair_->agree_N;
     if (apart != differs_ && !has_lasted(otherwise_since_ns_, mine.t_ns)) return differs_;
     differs_ = apart;
     otherwise_since_ns_ = 0;

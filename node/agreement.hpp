@@ -2,23 +2,19 @@
 #pragma once
 #include <cstdint>
 
+#include "config/config.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled {
 
 class Agreement {
 public:
-    struct Limits {
-        int other = -1;    // index of the sensor to compare with, -1: none
-        double max_N = 0;  // magnitude of the difference of the tared forces
-        // time for which they may differ by more, and time of agreement until they are trusted again
-        std::uint64_t patience_ns = 0;
-    };
-    explicit Agreement(const Limits& limits) : limits_(limits) {}
+    // `pair` must outlive it: how much the tared forces may differ as a magnitude, and for how long they may differ by more,
+    // which is also the time of agreement until they are trusted again. Other limits keep the result until they agree.
+    explicit Agreement(const PairSettings& pair) : pair_(&pair) {}
 
-    [[nodiscard]] int other() const noexcept { return limits_.other; }
-    // Changes the limits. The result for the same two sensors stays until they agree. rt: wait-free
-    void judge_by(const Limits& limits) noexcept;
+    // The sensor to compare with, -1: none.
+    [[nodiscard]] int other() const noexcept { return pair_->other; }
     // Continues from the state of `before`. rt: wait-free
     void succeed(const Agreement& before) noexcept;
     // True if they have differed for longer than allowed and have not agreed for as long since. rt: wait-free
@@ -31,7 +27,10 @@ public:
 private:
     [[nodiscard]] bool has_lasted(std::uint64_t& since_ns, std::uint64_t now_ns) const noexcept;
 
-    Limits limits_;
+    [[nodiscard]] std::uint64_t patience_ns() const noexcept { return std::uint64_t(pair_->agree_ms) * 1'000'000u; }
+
+    const PairSettings* pair_;
+    int compared_with_ = -1;  // the sensor of the result
     bool differs_ = false;
     std::uint64_t compared_ns_ = 0;         // time of the last possible comparison
     std::uint64_t otherwise_since_ns_ = 0;  // since then all comparisons contradict differs_; 0 = they do not

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
+#include <list>
 #include <memory>
 #include <vector>
 
@@ -16,9 +17,27 @@ namespace tactiled {
 
 class LinkAge {
 public:
+    // The keys of a sensor by which the age of its stream is judged.
+    struct Tuning {
+        double rate_Hz = 0, rate_tolerance = 0.2;
+        int stale_ms = 100;
+        bool operator==(const Tuning&) const = default;
+        [[nodiscard]] StreamAge begun() const {
+            return StreamAge(rate_Hz, rate_tolerance, std::uint64_t(stale_ms) * 1'000'000u);
+        }
+    };
     // Adds a sensor that reads `device`. setup
-    void add(std::uint16_t device, double rate_Hz, double rate_tolerance, std::uint64_t stale_ns) {
-        devices_.push_back(std::make_unique<Device>(device, StreamAge(rate_Hz, rate_tolerance, stale_ns)));
+    void add(std::uint16_t device, const Tuning& tuning) { devices_.push_back(std::make_unique<Device>(device, tuning)); }
+    // Takes over the tunings of `fresh`, which has the same devices: the age of a stream whose tuning differs is proved
+    // anew, from its next frame on. setup: from another thread than judge()
+    void retune(const LinkAge& fresh) {
+        for (std::size_t i = 0; i < devices_.size(); ++i) {
+            Device& device = *devices_[i];
+            const Tuning& tuning = fresh.devices_[i]->tunings.back();
+            if (tuning == device.tunings.back()) continue;
+            device.tunings.push_back(tuning);
+            device.wanted.store(&device.tunings.back(), std::memory_order_release);  // pairs with judge()
+        }
     }
 
     // The link was opened at `now_ns`, and no frame has been read since. rt: wait-free
@@ -29,6 +48,13 @@ public:
         if (const std::uint32_t opened = driver.counts[TACTILED_LINK_OPENED]; opened != opened_) {
             opened_ = opened;
             for (auto& each : devices_) each->age.open(driver.route(), opened_ns_);
+        }
+        for (auto& each : devices_) {
+            const Tuning* const wanted = each->wanted.load(std::memory_order_acquire);
+            if (wanted == each->in_force) continue;
+            each->in_force = wanted;
+            each->age = wanted->begun();
+            each->age.open(driver.route(), opened_ns_);
         }
         frame.age = Frame::Age::proved;
         frame.late_ns = 0;
@@ -71,8 +97,11 @@ public:
 
 private:
     struct Device {
-        Device(std::uint16_t n, const StreamAge& a) : number(n), age(a) {}
+        Device(std::uint16_t n, const Tuning& tuning) : number(n), tunings{tuning}, age(tuning.begun()) {}
         std::uint16_t number;
+        std::list<Tuning> tunings;  // each stays, because the link's thread may read it
+        std::atomic<const Tuning*> wanted{&tunings.back()};
+        const Tuning* in_force = &tunings.back();
         StreamAge age;
         std::atomic<std::uint32_t> proof{0};  // written by the link's thread, read by the pipeline
     };

@@ -70,17 +70,13 @@ void StreamQuality::arrive_late(const Frame& frame) noexcept {
 std::uint32_t StreamQuality::judge(std::span<const double> raw, std::uint32_t usable, std::uint32_t& dead) noexcept {
     std::uint32_t reasons = 0;
     // False for NaN: an unknown rate is not judged.
-    if (limits_.rate_Hz > 0 && std::abs(double(rate_Hz_) - limits_.rate_Hz) > limits_.rate_tolerance * limits_.rate_Hz)
+    if (tuning_->rate_Hz > 0 && std::abs(double(rate_Hz_) - tuning_->rate_Hz) > tuning_->rate_tolerance * tuning_->rate_Hz)
         reasons |= TACTILED_WRONG_RATE;
-    const bool slews = std::isfinite(limits_.slew_per_s);
-    if (!judges_repeats_ && !slews) return reasons;
-    if (slews && has_stepped(raw, usable)) reasons |= TACTILED_STEPPED;
-    if (judges_repeats_) {
-        if ((dead = find_frozen(raw, usable)) != 0) reasons |= TACTILED_FROZEN;
-        if (limits_.noisy && is_idle_bus(raw, usable)) {
-            reasons |= TACTILED_IDLE_BUS;
-            dead = ~0u;
-        }
+    if (std::isfinite(tuning_->slew_limit_per_s) && has_stepped(raw, usable)) reasons |= TACTILED_STEPPED;
+    if ((dead = find_frozen(raw, usable)) != 0) reasons |= TACTILED_FROZEN;
+    if (tuning_->noisy && is_idle_bus(raw, usable)) {
+        reasons |= TACTILED_IDLE_BUS;
+        dead = ~0u;
     }
     for (std::size_t k = 0; k < raw.size(); ++k)
         if ((usable >> k & 1u) != 0) raw_[k] = raw[k];
@@ -92,7 +88,7 @@ std::uint32_t StreamQuality::judge(std::span<const double> raw, std::uint32_t us
 std::uint32_t StreamQuality::find_frozen(std::span<const double> raw, std::uint32_t usable) noexcept {
     for (std::size_t k = 0; k < raw.size(); ++k) {
         if ((usable >> k & 1u) == 0) continue;  // a saturated value may repeat
-        const StreamLimits::Frozen limit = frozen_limit(k);
+        const Tuning::Frozen limit = tuning_->frozen_of[k];
         if (raw[k] == raw_[k] && (known_ >> k & 1u) != 0) {
             equal_[k] = std::min(equal_[k] + 1, std::max(1u, limit.after));
         } else {
@@ -126,11 +122,11 @@ bool StreamQuality::is_idle_bus(std::span<const double> raw, std::uint32_t usabl
 
 // Compares with the time since the last frame, or with the device's own time if frames of a backlog arrive at once.
 bool StreamQuality::has_stepped(std::span<const double> raw, std::uint32_t usable) const noexcept {
-    const double declared_Hz = limits_.rate_Hz > 0 ? limits_.rate_Hz : double(rate_Hz_);
+    const double declared_Hz = tuning_->rate_Hz > 0 ? tuning_->rate_Hz : double(rate_Hz_);
     if (after_discontinuity_ || !(declared_Hz > 0))
         return false;  // the change is unknown, or the rate is neither declared nor measured
     const double step_s = std::max(double(step_ns_) * 1e-9, (1 + double(lost_now_)) / declared_Hz);
-    const double max = limits_.slew_per_s * step_s;
+    const double max = tuning_->slew_limit_per_s * step_s;
     for (std::size_t k = 0; k < raw.size(); ++k)
         if ((usable & newest_ & 1u << k) != 0 && std::abs(raw[k] - raw_[k]) > max) return true;
     return false;
@@ -147,7 +143,7 @@ void StreamQuality::measure_rate(std::uint64_t t_ns) noexcept {
 }
 
 bool StreamQuality::has_discontinuity(bool connected, std::uint64_t now_ns) noexcept {
-    if (connected && now_ns <= last_frame_ns_ + limits_.stale_ns) return false;
+    if (connected && now_ns <= last_frame_ns_ + tuning_->stale_ns) return false;
     const std::uint32_t waiting = broken_ & TACTILED_NO_DATA_YET;
     const std::uint32_t why = waiting | (connected ? TACTILED_STALE : TACTILED_DISCONNECTED);
     if (why == broken_) return false;
@@ -158,7 +154,8 @@ bool StreamQuality::has_discontinuity(bool connected, std::uint64_t now_ns) noex
 }
 
 bool ZeroDriftCheck::has_drifted(const double (&raw_force_S_N)[3], bool at_rest, std::uint64_t t_ns) noexcept {
-    if (limit_N_ <= 0) return false;
+    const double limit_N = tuning_->drift_limit_N;
+    if (limit_N <= 0) return false;
     if (!at_rest) {
         since_ns_ = 0;
         return drifted_;
@@ -174,7 +171,7 @@ bool ZeroDriftCheck::has_drifted(const double (&raw_force_S_N)[3], bool at_rest,
         mean_N_[i] += weight * (raw_force_S_N[i] - mean_N_[i]);
         if (std::isfinite(mean_N_[i])) squares += mean_N_[i] * mean_N_[i];
     }
-    if (t_ns - since_ns_ >= kRestNs) drifted_ = squares > limit_N_ * limit_N_;
+    if (t_ns - since_ns_ >= kRestNs) drifted_ = squares > limit_N * limit_N;
     return drifted_;
 }
 

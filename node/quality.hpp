@@ -8,28 +8,15 @@
 #include <span>
 
 #include "drivers/frame.hpp"
+#include "node/tuning.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled {
 
-struct StreamLimits {
-    std::uint64_t stale_ns = 100'000'000;  // no value if there is no frame for longer
-    unsigned frozen_after = 0;             // consecutive equal readings of a channel that count as frozen; 0 = never
-    // The same for each channel if frozen_after is 0: this number of readings, and for this time. 0 readings = never.
-    struct Frozen {
-        unsigned after = 0;
-        std::uint64_t ns = 0;
-    };
-    std::array<Frozen, kMaxChannels> frozen_of{};
-    bool noisy = false;  // noise changes its numbers in every reading: one number everywhere is an idle bus
-    double slew_per_s = std::numeric_limits<double>::infinity();  // maximum change of a channel, raw numbers per second
-    double rate_Hz = 0;                                           // declared rate; 0 = none
-    double rate_tolerance = 0.2;                                  // relative to rate_Hz
-};
-
 class StreamQuality {
 public:
-    explicit StreamQuality(const StreamLimits& limits) { judge_by(limits); }
+    // `tuning` must outlive it.
+    explicit StreamQuality(const Tuning& tuning) : tuning_(&tuning) {}
 
     // Starts the clock. Call it once, before the first frame. setup
     void start(std::uint64_t now_ns) noexcept { last_frame_ns_ = now_ns; }
@@ -37,13 +24,6 @@ public:
     // Continues the counters of `before`, after a discontinuity. With the same channels, dead channels remain dead.
     // rt: bounded by the channels
     void succeed(const StreamQuality& before, bool same_channels) noexcept;
-    // Changes the limits; the state of the stream is kept. rt: wait-free
-    void judge_by(const StreamLimits& limits) noexcept {
-        limits_ = limits;
-        judges_repeats_ =
-            limits.frozen_after != 0 || std::any_of(limits.frozen_of.begin(), limits.frozen_of.end(),
-                                                    [](const StreamLimits::Frozen& one) { return one.after != 0; });
-    }
 
     // Takes a frame that is older than allowed: there is no value until a newer one arrives. rt: wait-free
     void arrive_late(const Frame& frame) noexcept;
@@ -53,7 +33,7 @@ public:
         last_frame_ns_ = 0;
     }
     [[nodiscard]] bool is_late(const Frame& frame) const noexcept {
-        return frame.late_ns > limits_.stale_ns || frame.t_ns < resumed_ns_;
+        return frame.late_ns > tuning_->stale_ns || frame.t_ns < resumed_ns_;
     }
     // Notes that the stream delivers. Returns true if it does so again, after a discontinuity. rt: wait-free
     bool arrive(const Frame& frame) noexcept;
@@ -68,8 +48,8 @@ public:
     // or the limit of a frame that arrives after `now_ns`. rt: wait-free
     [[nodiscard]] std::uint64_t deadline_ns(std::uint64_t now_ns) const noexcept {
         const bool is_marked = (broken_ & (TACTILED_STALE | TACTILED_DISCONNECTED)) != 0;
-        const std::uint64_t latest_ns = now_ns + limits_.stale_ns;
-        return is_marked ? latest_ns : std::min(latest_ns, last_frame_ns_ + limits_.stale_ns + 1);
+        const std::uint64_t latest_ns = now_ns + tuning_->stale_ns;
+        return is_marked ? latest_ns : std::min(latest_ns, last_frame_ns_ + tuning_->stale_ns + 1);
     }
     // Returns the reason why there is no stream now, 0 = it delivers.
     [[nodiscard]] std::uint32_t broken() const noexcept { return broken_; }
@@ -84,15 +64,11 @@ public:
 
 private:
     void measure_rate(std::uint64_t t_ns) noexcept;
-    [[nodiscard]] StreamLimits::Frozen frozen_limit(std::size_t k) const noexcept {
-        return limits_.frozen_after != 0 ? StreamLimits::Frozen{limits_.frozen_after, 0} : limits_.frozen_of[k];
-    }
     [[nodiscard]] std::uint32_t find_frozen(std::span<const double> raw, std::uint32_t usable) noexcept;
     [[nodiscard]] bool is_idle_bus(std::span<const double> raw, std::uint32_t usable) noexcept;
     [[nodiscard]] bool has_stepped(std::span<const double> raw, std::uint32_t usable) const noexcept;
 
-    StreamLimits limits_;
-    bool judges_repeats_ = false;                    // for some channel
+    const Tuning* tuning_;
     std::uint64_t last_frame_ns_ = 0, step_ns_ = 0;  // step_ns_: time since the previous frame
     std::uint64_t resumed_ns_ = 0;                   // the machine was suspended until then
     bool after_discontinuity_ = true;                // this is the first frame of a stream
@@ -117,14 +93,13 @@ private:
 // without contact. The result stays true until a mean at rest is within the limit.
 class ZeroDriftCheck {
 public:
-    explicit ZeroDriftCheck(double limit_N) : limit_N_(limit_N) {}
-    // rt: wait-free
-    void judge_by(double limit_N) noexcept { limit_N_ = limit_N; }
+    // `tuning` must outlive it.
+    explicit ZeroDriftCheck(const Tuning& tuning) : tuning_(&tuning) {}
     // rt: wait-free
     [[nodiscard]] bool has_drifted(const double (&raw_force_S_N)[3], bool at_rest, std::uint64_t t_ns) noexcept;
 
 private:
-    double limit_N_;  // 0 = not judged
+    const Tuning* tuning_;
     std::array<double, 3> mean_N_{};
     std::uint64_t since_ns_ = 0, last_ns_ = 0;  // begin of the present mean; 0 = none
     bool drifted_ = false;

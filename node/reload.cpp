@@ -22,7 +22,7 @@ bool is_jaw(const std::optional<Grasping::Setup>& grasp, std::uint32_t sensor) {
 }  // namespace
 
 Reloader::Reloader(const Node& running, std::string costs_folder, ZeroStore* zeros)
-    : path_(running.config.path), costs_folder_(std::move(costs_folder)), zeros_(zeros), now_(accepted(running)) {}
+    : running_(running), costs_folder_(std::move(costs_folder)), zeros_(zeros), now_(accepted(running)) {}
 
 Reloader::Accepted Reloader::accepted(const Node& node) {
     return {node.config.root,
@@ -49,7 +49,7 @@ void Reloader::reload(Pipeline& pipeline) noexcept try {
 
 // Returns the changes, or "" with the reasons in `problems`.
 std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
-    Node fresh = load_node(path_, problems, costs_folder_);
+    Node fresh = load_node(running_.config.path, problems, costs_folder_);
     if (problems.empty()) refuse_what_needs_a_restart(fresh);
     if (!problems.empty()) return "";
 
@@ -66,10 +66,11 @@ std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
     for (const auto& part : replacement.sensors)
         if (zeros_ != nullptr && !part.measures_alike) zeros_->replace_owner(part.index, fresh.zeros[part.index]);
     if (!pipeline.replace(replacement, kPatienceMs)) {
-        problems.add(path_, 0,
+        problems.add(running_.config.path, 0,
                      fmt::format("the pipeline did not respond within {} ms; the reload was aborted", kPatienceMs));
         return "";
     }
+    for (std::size_t i = 0; i < running_.links.size(); ++i) running_.links[i]->age.retune(fresh.links[i]->age);
     now_ = std::move(next);
     return done;
 }

@@ -11,7 +11,7 @@ namespace tactiled {
 
 class Reloader {
 public:
-    // `running` is the node at the daemon's start; `zeros` is informed of new calibrations. setup
+    // `running` is the node at the daemon's start, and must outlive it; `zeros` is informed of new calibrations. setup
     Reloader(const Node& running, std::string costs_folder, ZeroStore* zeros = nullptr);
 
     // Logs the changes, or the reason for the refusal. Takes as long as a start; the loop runs meanwhile.
@@ -34,7 +34,8 @@ private:
     [[nodiscard]] bool measures_alike(const Node& fresh, std::size_t i) const;
     [[nodiscard]] Replacement difference(Node& fresh) const;
 
-    std::string path_, costs_folder_;
+    const Node& running_;
+    std::string costs_folder_;
     ZeroStore* zeros_;
     Accepted now_;
 };

@@ -61,7 +61,7 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
 inline void Sensor::judge_age(Frame::Age age, tactiled_sample& s) const noexcept {
     if (age == Frame::Age::proved) return;
     if (age == Frame::Age::arrival_only) {
-        if (!setup_.accept_unproved_age) s.reasons |= TACTILED_ARRIVAL_ONLY;
+        if (!tuning_->accept_unproved_age) s.reasons |= TACTILED_ARRIVAL_ONLY;
         return;
     }
     s.reasons |= TACTILED_UNPROVED_AGE;
@@ -136,8 +136,8 @@ inline Reading Sensor::read(const Frame& frame, std::array<double, kMaxChannels>
         const auto i = std::size_t(setup_.channel_of_frame[k]);
         const double value = frame.channel[i];
         const bool missing = (frame.missing >> i & 1u) != 0 || !std::isfinite(value);
-        const bool saturated = !missing && ((frame.saturated >> i & 1u) != 0 || value <= setup_.saturates_below ||
-                                            value >= setup_.saturates_above);
+        const bool saturated = !missing && ((frame.saturated >> i & 1u) != 0 || value <= tuning_->saturates_at[0] ||
+                                            value >= tuning_->saturates_at[1]);
         raw[k] = value;
         channel_[k] = missing ? kNaN : value / setup_.counts_per_unit;
         if (missing) reading.missing |= 1u << k;
@@ -303,33 +303,21 @@ void Sensor::set(const SensorSettable& settable) noexcept {
         return std::isnan(requested) ? configured : requested;
     };
     requested_ = settable;
-    const SensorSettable& configured = setup_.settable;
-    in_force_.filter_Hz = or_configured(settable.filter_Hz, configured.filter_Hz);
-    in_force_.contact_on_N = or_configured(settable.contact_on_N, configured.contact_on_N);
+    in_force_.filter_Hz = or_configured(settable.filter_Hz, tuning_->filter_hz);
+    in_force_.contact_on_N = or_configured(settable.contact_on_N, tuning_->contact_on_N);
     in_force_.contact_off_N =
-        std::min(or_configured(settable.contact_off_N, configured.contact_off_N), in_force_.contact_on_N);
-    in_force_.overload_N = or_configured(settable.overload_N, configured.overload_N);
+        std::min(or_configured(settable.contact_off_N, tuning_->contact_off_N), in_force_.contact_on_N);
+    in_force_.overload_N = or_configured(settable.overload_N, tuning_->overload_N);
     if (in_force_.filter_Hz != low_pass_.cutoff_Hz()) low_pass_.set_cutoff(in_force_.filter_Hz);
     Wrench delay_s = chain_delay_s_;
     for (double& each : delay_s) each += low_pass_.delay_s();
     if (delay_s != delay_s_) latency_.set_delay(delay_s_ = delay_s);
 }
 
-void Sensor::retune(const Sensor& other) noexcept {
-    setup_.saturates_below = other.setup_.saturates_below;
-    setup_.saturates_above = other.setup_.saturates_above;
-    setup_.settable = other.setup_.settable;
-    // Both have as many channels. An assignment of vectors might allocate.
-    std::copy_n(other.setup_.delay_s.begin(), std::min(other.setup_.delay_s.size(), setup_.delay_s.size()),
-                setup_.delay_s.begin());
+void Sensor::retune(Sensor& other) noexcept {
+    static_assert(std::is_nothrow_swappable_v<Tuning>);
+    std::swap(*tuning_, *other.tuning_);
     set_delay();
-    setup_.accept_unproved_age = other.setup_.accept_unproved_age;
-    setup_.thermometer = other.setup_.thermometer;
-    thermometer_.judge_by(setup_.thermometer);
-    stream_.judge_by(other.setup_.stream);
-    drift_.judge_by(other.setup_.drift_N);
-    agreement_.judge_by(other.setup_.agreement);
-    zero_.judge_by(tare_limits(other.setup_));
     set(requested_);
 }
 

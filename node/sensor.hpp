@@ -16,6 +16,7 @@
 #include "node/low_pass.hpp"
 #include "node/quality.hpp"
 #include "node/thermometer.hpp"
+#include "node/tuning.hpp"
 #include "node/zero.hpp"
 #include "tactiled/layout.h"
 
@@ -36,27 +37,14 @@ public:
         std::vector<int> channel_of_frame;  // for each channel of the model, its index in the frame
         std::size_t frame_channels = 0;     // number of channels in a frame of this device
         double counts_per_unit = 1;
-        double saturates_below = -std::numeric_limits<double>::infinity();
-        double saturates_above = std::numeric_limits<double>::infinity();
-        StreamLimits stream;
-        double drift_N = 0;  // limit of the drift of the zero at rest from the calibration's, 0 = not judged
-        std::uint64_t tare_ns = 100'000'000;
-        double tare_limit_N = 0;                            // limit of a new zero relative to the calibration's, 0 = none
-        std::array<double, 3> tare_limit_of_component_N{};  // the same for each component of the force
-        bool accept_unproved_age = false;  // a stream without a clock or a counter may be used for tares and weights
         // a stored zero with another id does not belong to this sensor (zero_store.hpp)
         std::uint32_t zero_id = 0;
         int temperature_of_frame = -1;   // the channel of a frame that is its temperature in degC; -1: none
         int temperature_of_sensor = -1;  // the sensor whose temperature is that of this one, too; -1: none
         TemperatureInUse temperature;
-        Thermometer::Limits thermometer;
         int serial_of_frame = -1;  // the channel of a frame that is the number of the device; -1: none
         double serial = 0;         // the number of the device that the calibration is of
-        // Known delay of converter and transmission, for each channel of the model: part of the standard deviation
-        // (latency.hpp). Empty = none.
-        std::vector<double> delay_s;
-        Agreement::Limits agreement;
-        SensorSettable settable;
+        Tuning tuning;
         std::unique_ptr<Decoupler> decoupler;
         AutoMethod* automatic = nullptr;                 // the decoupler, if it is method "auto"
         std::uint64_t (*clock_ns)() noexcept = &now_ns;  // clock for the methods of "auto"
@@ -64,15 +52,16 @@ public:
     };
     explicit Sensor(Setup setup)
         : setup_(std::move(setup)),
-          stream_(setup_.stream),
-          drift_(setup_.drift_N),
-          agreement_(setup_.agreement),
-          zero_(tare_limits(setup_)) {
+          tuning_(std::make_unique<Tuning>(std::move(setup_.tuning))),
+          stream_(*tuning_),
+          drift_(*tuning_),
+          agreement_(tuning_->pair),
+          zero_(*tuning_),
+          thermometer_(*tuning_) {
         if (setup_.decoupler != nullptr) {
             set_delay();
             setup_.decoupler->set_temperature(setup_.temperature);
         }
-        thermometer_.judge_by(setup_.thermometer);
         set(SensorSettable::as_configured());
         if (setup_.automatic != nullptr) method_ = setup_.automatic->choice().now();
     }
@@ -86,7 +75,7 @@ public:
     [[nodiscard]] tactiled_sample sample(const Frame& frame, std::uint64_t now_ns) noexcept;
 
     // The known delay of each channel of the model, s. Empty = none.
-    [[nodiscard]] const std::vector<double>& delay_s() const noexcept { return setup_.delay_s; }
+    [[nodiscard]] const std::vector<double>& delay_s() const noexcept { return tuning_->delay_s; }
 
     // The sensor whose temperature this one takes, -1: none. Report its last sample before each sample of this one.
     // rt: wait-free
@@ -140,8 +129,8 @@ public:
 
     // Changes the settings from the next sample on. rt: wait-free
     void set(const SensorSettable& settable) noexcept;
-    // Takes over the limits and settings of `other`, which measures alike. rt: wait-free
-    void retune(const Sensor& other) noexcept;
+    // Exchanges the tuning with `other`, which measures alike. rt: wait-free
+    void retune(Sensor& other) noexcept;
     // Continues in the place of `before`, which measured differently, in a new epoch and without its tare: if there
     // was one, the zero is unknown until the next tare. Publish marker() afterwards. rt: wait-free
     void succeed(const Sensor& before) noexcept;
@@ -166,9 +155,6 @@ private:
     // to be new. rt: wait-free
     void notice_suspension(std::uint64_t now_ns) noexcept;
     [[nodiscard]] inline tactiled_sample late_sample(const Frame& frame, std::uint64_t now_ns) noexcept;
-    [[nodiscard]] static Zero::Limits tare_limits(const Setup& setup) noexcept {
-        return {setup.tare_ns, setup.tare_limit_N, setup.tare_limit_of_component_N};
-    }
     // Inline in sensor.cpp, the only file that uses them.
     [[nodiscard]] inline tactiled_sample next_sample(std::uint64_t t_ns, std::uint64_t now_ns) noexcept;
     [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;
@@ -189,22 +175,23 @@ private:
     void judge_magnitude(tactiled_sample& sample) noexcept;
     void set_delay() noexcept {
         if (setup_.decoupler == nullptr) return;
-        setup_.decoupler->set_delay(setup_.delay_s);
-        chain_delay_s_ = delay_of_components_s(*setup_.decoupler, setup_.delay_s);
+        setup_.decoupler->set_delay(tuning_->delay_s);
+        chain_delay_s_ = delay_of_components_s(*setup_.decoupler, tuning_->delay_s);
     }
 
-    Setup setup_;
+    Setup setup_;                     // without its tuning
+    std::unique_ptr<Tuning> tuning_;  // the parts below point to it
     SensorSettable requested_, in_force_;
     StreamQuality stream_;
     ZeroDriftCheck drift_;
     Agreement agreement_;
     Zero zero_;
+    Thermometer thermometer_;
     std::size_t method_ = 0;  // method "auto": method of zero_S() and low_pass_; else 0
     LowPass low_pass_;
     Latency latency_;
     Wrench chain_delay_s_{}, delay_s_{};          // a component: without, with the low pass
     std::array<double, kMaxChannels> channel_{};  // channels of the last frame, in the unit of the calibration
-    Thermometer thermometer_;
     double others_temperature_C_ = kNaN;
     float peak_N_ = 0;
     tactiled_sample last_{};

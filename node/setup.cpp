@@ -125,24 +125,43 @@ std::optional<double> number_of(const std::string& serial) {
     return is_number ? std::optional<double>(std::stod(serial)) : std::nullopt;
 }
 
-// When a channel that repeats one number counts as frozen.
-void put_frozen(const SensorSettings& settings, const Calibration& calibration, StreamLimits& limits) {
-    if (settings.frozen_after == 0) limits.noisy = false;
-    if (settings.frozen_after >= 0) {
-        limits.frozen_after = unsigned(settings.frozen_after);
-        return;
-    }
+// When a channel that repeats one number counts as frozen; `noisy` is by the driver.
+void put_frozen(const Calibration& calibration, Tuning& tuning) {
+    if (tuning.frozen_after == 0) tuning.noisy = false;
+    if (tuning.frozen_after >= 0) return tuning.frozen_of.fill({unsigned(tuning.frozen_after), 0});
     const Repeats& repeats = calibration.repeats;
     for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
         if (repeats.readings.empty()) {
-            limits.frozen_of[k] = {unsigned(kFrozenAfter), limits.noisy ? 0 : kFrozenUnknownNs};
+            tuning.frozen_of[k] = {unsigned(kFrozenAfter), tuning.noisy ? 0 : kFrozenUnknownNs};
             continue;
         }
         const int run = repeats.readings[k];
-        const int after = run == 0 ? (limits.noisy ? kFrozenAfter : 0) : std::max(kFrozenAfter, kFrozenTimes * run);
+        const int after = run == 0 ? (tuning.noisy ? kFrozenAfter : 0) : std::max(kFrozenAfter, kFrozenTimes * run);
         const double longest_ns = double(kFrozenTimes) * double(run) * repeats.interval_s * 1e9;
-        limits.frozen_of[k] = {unsigned(after), std::uint64_t(std::min(longest_ns, 1e18))};
+        tuning.frozen_of[k] = {unsigned(after), std::uint64_t(std::min(longest_ns, 1e18))};
     }
+}
+
+// The settings that a reload may exchange. `driver` is nullptr if it is wrong: then the node does not run.
+Tuning tuning_of(const SensorSettings& settings, const Calibration& calibration, const std::vector<int>& channel_of_frame,
+                 const float (&full_scale)[6], const Driver* driver) {
+    Tuning tuning;
+    static_cast<SensorTuning&>(tuning) = settings;
+    const auto device = std::uint16_t(settings.device);
+    tuning.stale_ns = std::uint64_t(settings.stale_ms) * 1'000'000u;
+    tuning.noisy = driver != nullptr && driver->is_noisy(device);
+    tuning.thermometer_frozen_after = settings.temperature_frozen_after >= 0 ? unsigned(settings.temperature_frozen_after)
+                                      : tuning.noisy && !settings.temperature.empty() ? unsigned(kFrozenAfter)
+                                                                                      : 0;
+    put_frozen(calibration, tuning);
+    tuning.tare_limit_of_magnitude_N = std::max(0.0, settings.tare_limit_N);
+    for (std::size_t c = 0; c < tuning.tare_limit_of_component_N.size() && settings.tare_limit_N < 0; ++c)
+        if (std::isfinite(full_scale[c])) tuning.tare_limit_of_component_N[c] = kTareLimit * double(full_scale[c]);
+    for (const int channel : channel_of_frame)
+        tuning.delay_s.push_back(settings.delay_ms >= 0             ? settings.delay_ms * 1e-3
+                                 : driver == nullptr || channel < 0 ? 0
+                                                                    : driver->delay_s(device, std::size_t(channel)));
+    return tuning;
 }
 
 // A sensor whose files are wrong is left out: the problems state the reason, and the node will not run.
@@ -195,7 +214,6 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     setup.temperature_of_sensor = settings.thermometer;
     setup.temperature = {settings.temperature_range_C[0], settings.temperature_range_C[1],
                          settings.temperature_difference_K};
-    setup.thermometer.jump_K = settings.temperature_jump_K;
     if (!settings.serial_channel.empty()) {
         const std::optional<double> number = number_of(calibration.serial);
         if (!number)
@@ -206,43 +224,19 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
         setup.serial_of_frame = index_of(settings.serial_channel);
         setup.serial = number.value_or(0);
     }
-    setup.saturates_below = settings.saturates_at[0];
-    setup.saturates_above = settings.saturates_at[1];
-    setup.stream.stale_ns = std::uint64_t(settings.stale_ms) * 1'000'000u;
-    setup.stream.slew_per_s = settings.slew_limit_per_s;
-    setup.stream.rate_Hz = settings.rate_Hz;
-    setup.stream.rate_tolerance = settings.rate_tolerance;
-    setup.drift_N = settings.drift_limit_N;
-    setup.tare_ns = std::uint64_t(settings.tare_ms) * 1'000'000u;
-    setup.tare_limit_N = std::max(0.0, settings.tare_limit_N);
-    setup.accept_unproved_age = settings.accept_unproved_age;
-    setup.agreement = {settings.pair.other, settings.pair.agree_N, std::uint64_t(settings.pair.agree_ms) * 1'000'000u};
-    setup.settable = {settings.filter_hz, settings.contact_on_N, settings.contact_off_N, settings.overload_N};
     node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
-    for (std::size_t c = 0; c < setup.tare_limit_of_component_N.size() && settings.tare_limit_N < 0; ++c)
-        if (const float full_scale_N = node.plan.sensors.back().full_scale[c]; std::isfinite(full_scale_N))
-            setup.tare_limit_of_component_N[c] = kTareLimit * double(full_scale_N);
+    tactiled_sensor& entry = node.plan.sensors.back();
     node.zeros.push_back(zero_owner(settings, calibration, setup));
     setup.zero_id = node.zeros.back().id;
-    if (setup.automatic != nullptr) put_front(node.plan.sensors.back(), *setup.automatic, settings.budget_us);
-    const auto index = std::uint16_t(node.sensors.size());
+    if (setup.automatic != nullptr) put_front(entry, *setup.automatic, settings.budget_us);
+    const Driver* driver = nullptr;
     for (auto& link : node.links) {
         if (link->name != settings.link) continue;
-        link->bindings.push_back({std::uint16_t(settings.device), index});
-        link->age.add(std::uint16_t(settings.device), settings.rate_Hz, settings.rate_tolerance, setup.stream.stale_ns);
-        setup.delay_s.clear();
-        for (const int channel : setup.channel_of_frame)
-            setup.delay_s.push_back(link->driver == nullptr || channel < 0
-                                        ? 0
-                                        : link->driver->delay_s(std::uint16_t(settings.device), std::size_t(channel)));
-        setup.stream.noisy = link->driver != nullptr && link->driver->is_noisy(std::uint16_t(settings.device));
+        link->bindings.push_back({std::uint16_t(settings.device), std::uint16_t(node.sensors.size())});
+        link->age.add(std::uint16_t(settings.device), {settings.rate_Hz, settings.rate_tolerance, settings.stale_ms});
+        driver = link->driver.get();
     }
-    if (settings.delay_ms >= 0) setup.delay_s.assign(setup.channel_of_frame.size(), settings.delay_ms * 1e-3);
-    const bool is_noisy = setup.stream.noisy;
-    setup.thermometer.frozen_after = settings.temperature_frozen_after >= 0 ? unsigned(settings.temperature_frozen_after)
-                                     : is_noisy && setup.temperature_of_frame >= 0 ? unsigned(kFrozenAfter)
-                                                                                   : 0;
-    put_frozen(settings, calibration, setup.stream);
+    setup.tuning = tuning_of(settings, calibration, setup.channel_of_frame, entry.full_scale, driver);
     node.sensors.emplace_back(std::move(setup));
     node.calibrations.push_back(calibration_text(calibration));
 }

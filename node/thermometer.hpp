@@ -6,18 +6,17 @@
 #include <cstdint>
 #include <limits>
 
+#include "node/tuning.hpp"
+
 namespace tactiled {
 
 class Thermometer {
 public:
-    struct Limits {
-        unsigned frozen_after = 0;  // consecutive equal readings that count as frozen; 0 = never
-        double jump_K = 1;          // largest change beyond kSlew_K_per_s
-    };
+    // `tuning` must outlive it.
+    explicit Thermometer(const Tuning& tuning) : tuning_(&tuning) {}
+
     // Faster than a board warms up. Channels and thermometer differ while the temperature changes faster.
     static constexpr double kSlew_K_per_s = 0.1;
-
-    void judge_by(const Limits& limits) noexcept { limits_ = limits; }
 
     // Returns the temperature, NaN if there is none or it is doubtful. After a jump it stays doubtful until it returns to
     // what it was before; only while there was no reading may it have changed by the slew. rt: wait-free
@@ -30,7 +29,7 @@ public:
         // The time of a doubt does not count: otherwise any jump would be believed in the end.
         if (since_s > kGap_s || !is_doubtful_) unjudged_s_ += since_s;
         const double walked_K = kSlew_K_per_s * unjudged_s_;
-        is_doubtful_ = std::abs(t_C - reference_C_) > limits_.jump_K + walked_K;
+        is_doubtful_ = std::abs(t_C - reference_C_) > tuning_->temperature_jump_K + walked_K;
         if (is_doubtful_) return kNone;
         reference_C_ += std::clamp(t_C - reference_C_, -walked_K, walked_K);
         unjudged_s_ = 0;
@@ -47,9 +46,9 @@ public:
 
     // Continues where `before` ended. rt: wait-free
     void succeed(const Thermometer& before) noexcept {
-        const Limits limits = limits_;
+        const Tuning* const tuning = tuning_;
         *this = before;
-        limits_ = limits;
+        tuning_ = tuning;
     }
 
 private:
@@ -60,9 +59,9 @@ private:
     [[nodiscard]] bool is_frozen(double t_C) noexcept {
         const bool repeats = t_C == last_C_;
         last_C_ = t_C;
-        equal_ = repeats ? std::min(equal_ + 1, std::max(1u, limits_.frozen_after)) : 1;
+        equal_ = repeats ? std::min(equal_ + 1, std::max(1u, tuning_->thermometer_frozen_after)) : 1;
         moved_ = repeats ? moved_ : std::min(moved_ + 1, kAliveAfter);
-        if (limits_.frozen_after != 0 && equal_ >= limits_.frozen_after) {
+        if (tuning_->thermometer_frozen_after != 0 && equal_ >= tuning_->thermometer_frozen_after) {
             frozen_ = true;
             moved_ = 0;
         } else if (moved_ >= kAliveAfter) {
@@ -71,7 +70,7 @@ private:
         return frozen_;
     }
 
-    Limits limits_;
+    const Tuning* tuning_;
     double reference_C_ = kNone;  // follows the temperature by the slew
     double before_tare_C_ = kNone, last_C_ = kNone;
     std::uint64_t last_ns_ = 0;

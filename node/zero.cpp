@@ -29,7 +29,7 @@ bool Zero::can_be_zero(const tactiled_sample& s) noexcept {
 
 void Zero::begin_tare(std::uint64_t now_ns) noexcept {
     tare_ = Tare::running;
-    window_.begin(now_ns, limits_.tare_ns);
+    window_.begin(now_ns, tuning_->tare_ns());
     channel_sum_ = {};
     is_unsure_ = false;
     to_find_ = 0;
@@ -43,7 +43,7 @@ void Zero::begin_removal(bool is_delivering) noexcept {
 }
 
 Tare Zero::poll(bool is_delivering, std::uint64_t now_ns) noexcept {
-    if (tare_ == Tare::running && (!is_delivering || now_ns > window_.begin_ns() + limits_.tare_ns + kPatienceNs))
+    if (tare_ == Tare::running && (!is_delivering || now_ns > window_.begin_ns() + tuning_->tare_ns() + kPatienceNs))
         tare_ = Tare::failed;
     if (tare_ == Tare::removing && !is_delivering) tare_ = Tare::done;
     const Tare reported = tare_;
@@ -84,10 +84,11 @@ Tare Zero::verdict(const tactiled_sample& last) const noexcept {
     for (std::size_t i = 0; i < 3; ++i) {
         if (!std::isfinite(mean[i])) continue;
         squares += mean[i] * mean[i];
-        const double max_N = limits_.max_of_component_N[i];
-        if (max_N > 0 && std::abs(mean[i]) > max_N) return Tare::loaded;
+        const double limit_N = tuning_->tare_limit_of_component_N[i];
+        if (limit_N > 0 && std::abs(mean[i]) > limit_N) return Tare::loaded;
     }
-    return limits_.max_N > 0 && squares > limits_.max_N * limits_.max_N ? Tare::loaded : Tare::done;
+    const double max_N = tuning_->tare_limit_of_magnitude_N;
+    return max_N > 0 && squares > max_N * max_N ? Tare::loaded : Tare::done;
 }
 
 void Zero::lose() noexcept {

@@ -13,6 +13,7 @@
 #include "decoupling/auto_method.hpp"
 #include "decoupling/decoupler.hpp"
 #include "node/tare_window.hpp"
+#include "node/tuning.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled {
@@ -30,15 +31,8 @@ struct TaredZero {
 
 class Zero {
 public:
-    struct Limits {
-        std::uint64_t tare_ns = 100'000'000;  // averaging time
-        // limit of a new zero relative to the calibration's, as a magnitude; 0 = no limit
-        double max_N = 0;
-        std::array<double, 3> max_of_component_N{};  // the same for each component of the force; 0 = no limit
-    };
-    explicit Zero(const Limits& limits) : limits_(limits) {}
-    // Changes the limits; the zeros are unchanged. rt: wait-free
-    void judge_by(const Limits& limits) noexcept { limits_ = limits; }
+    // `tuning` must outlive it. Other limits leave the zeros unchanged.
+    explicit Zero(const Tuning& tuning) : tuning_(&tuning) {}
 
     // Returns true if the value can be a zero. A mounted sensor may rest outside the calibrated domain, but a
     // saturated or incomplete reading has no known zero. rt: wait-free
@@ -82,7 +76,7 @@ public:
 private:
     [[nodiscard]] Tare verdict(const tactiled_sample& last) const noexcept;
 
-    Limits limits_;
+    const Tuning* tuning_;
     std::array<Wrench, MethodChoice::kMax> of_method_{};
     std::uint32_t unknown_ = 0;  // bit i: the zero of method i is unknown
     std::uint32_t to_find_ = 0;  // bit i: method i needs its zero from the mean of the last tare

@@ -123,8 +123,8 @@ Sensor sensor_of(double filter_Hz, std::uint64_t tare_ns) {
     Sensor::Setup setup;
     setup.channel_of_frame = {0};
     setup.frame_channels = 1;
-    setup.tare_ns = tare_ns;
-    setup.settable.filter_Hz = filter_Hz;
+    setup.tuning.tare_ms = int(tare_ns / 1'000'000);
+    setup.tuning.filter_hz = filter_Hz;
     setup.decoupler = made(c);
     Sensor sensor(std::move(setup));
     sensor.start(1, 0);

@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
 """SIGHUP on the release daemon while two devices stream: changes, refusals, and that no sample is lost."""
+import contextlib
 import pathlib
 import random
 import signal
+import socket
 import sys
 import threading
 import time
@@ -11,7 +13,7 @@ import unittest
 from pymodbus.client import ModbusTcpClient
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from daemon import ROOT, Daemon, wait_for  # noqa: E402
+from daemon import ROOT, Daemon, free_port, wait_for  # noqa: E402
 from unit_daemon import CALIBRATION  # noqa: E402
 
 sys.dont_write_bytecode = True
@@ -189,6 +191,51 @@ class Reload(unittest.TestCase):
         self.assertIn("refused", self.d.log())
         self.assertIn("changed", self.d.log())
 
+
+class Device(threading.Thread):
+    """Lines with a counter over TCP, to one client at a time; `rate_Hz` may change."""
+
+    def __init__(self, port):
+        super().__init__(daemon=True)
+        self.rate_Hz, self.listener = 100, socket.create_server(("127.0.0.1", port))
+        self.start()
+
+    def run(self):
+        sequence, client, due = 0, None, time.monotonic()
+        while True:
+            self.listener.settimeout(0 if client else None)
+            with contextlib.suppress(BlockingIOError):
+                client = self.listener.accept()[0]
+            try:
+                client.sendall(b"%d 1 2 -3\n" % sequence)
+            except OSError:
+                client = None
+            sequence += 1
+            due = max(due + 1 / self.rate_Hz, time.monotonic() - 0.05)
+            time.sleep(max(0, due - time.monotonic()))
+
+
+class ReloadRate(unittest.TestCase):
+    def test_a_device_over_tcp_that_sends_faster_is_proved_again_as_after_a_restart(self):
+        port = free_port()
+        device = Device(port)
+        link = f'[[link]]\nname = "a"\ndriver = "tcp"\naddress = "127.0.0.1:{port}"\nformat = "lines"\nchannels = 3\nsequence = true\n'
+        with Daemon(link + SENSOR.format("a") + "rate_Hz = 100\n") as d:
+            (d.folder / "a.toml").write_text(CALIBRATION)
+            d.start()
+            with tactiled.open(d.name) as node:
+                wait_for(lambda: node.latest("a").quality == tactiled.GOOD, 10, "a good sample")
+                d.config.write_text(d.config.read_text().replace("rate_Hz = 100", "rate_Hz = 300"))
+                device.rate_Hz = 300
+                d.process.send_signal(signal.SIGHUP)
+                wait_for(lambda: "SIGHUP: changed" in d.log(), 10, "an answer to SIGHUP")
+                time.sleep(6)  # to settle
+                follower = Follower(d.name, "a")
+                time.sleep(4)
+                samples = follower.close()
+                good = sum(s.quality == tactiled.GOOD and s.reasons == 0 for s in samples)
+                self.assertGreater(len(samples), 600)
+                self.assertGreater(good / len(samples), 0.97, {str(s.reasons_text) for s in samples})
 
 if __name__ == "__main__":
     unittest.main(verbosity=2)

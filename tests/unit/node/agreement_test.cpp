@@ -23,10 +23,14 @@ tactiled_sample at(std::uint64_t ms, double fz_N, double fx_N = 0) {
     return s;
 }
 
-Agreement within(double max_N, std::uint64_t patience_ms) { return Agreement({1, max_N, patience_ms * kMs}); }
+// With sensor 1.
+struct Pair : PairSettings, Agreement {
+    Pair(double max_N, int patience_ms)
+        : PairSettings{1, max_N, patience_ms}, Agreement(static_cast<PairSettings&>(*this)) {}
+};
 
 TEST(Agreement, IsOverAfterItsTimeAndBackAfterAsLong) {
-    Agreement pair = within(1, 10);
+    Pair pair(1, 10);
     for (std::uint64_t ms = 1; ms <= 10; ++ms) EXPECT_FALSE(pair.compare(at(ms, -5), at(ms, -7)));
     for (std::uint64_t ms = 11; ms <= 20; ++ms) EXPECT_TRUE(pair.compare(at(ms, -5), at(ms, -7)));
     for (std::uint64_t ms = 21; ms <= 30; ++ms) EXPECT_TRUE(pair.compare(at(ms, -5), at(ms, -5.5)));
@@ -34,19 +38,19 @@ TEST(Agreement, IsOverAfterItsTimeAndBackAfterAsLong) {
 }
 
 TEST(Agreement, AShortDifferenceIsNone) {
-    Agreement pair = within(1, 10);
+    Pair pair(1, 10);
     for (std::uint64_t ms = 1; ms < 500; ++ms) EXPECT_FALSE(pair.compare(at(ms, -5), at(ms, ms % 10 == 0 ? -5 : -9)));
 }
 
 TEST(Agreement, IsOfWhatBothSee) {
-    Agreement pair = within(1, 10);
+    Pair pair(1, 10);
     for (std::uint64_t ms = 1; ms < 50; ++ms) EXPECT_FALSE(pair.compare(at(ms, -5, 30), at(ms, -5, kNaN)));
     for (std::uint64_t ms = 50; ms < 60; ++ms) (void)pair.compare(at(ms, -5, 0.8), at(ms, -5.8, 0));
     EXPECT_TRUE(pair.compare(at(60, -5, 0.8), at(60, -5.8, 0)));  // the magnitude: 1.13 N
 }
 
 TEST(Agreement, AValueWithADoubtOfItsOwnProvesNothing) {
-    Agreement pair = within(1, 10);
+    Pair pair(1, 10);
     tactiled_sample silent = at(1, kNaN), railed = at(1, -80);
     silent.quality = TACTILED_BAD;
     silent.reasons = TACTILED_STALE;
@@ -68,7 +72,7 @@ TEST(Agreement, AValueWithADoubtOfItsOwnProvesNothing) {
 }
 
 TEST(Agreement, TheTimesOnBothSidesOfAGapAreNotAdded) {
-    Agreement pair = within(1, 10);
+    Pair pair(1, 10);
     tactiled_sample silent = at(1, kNaN);
     silent.quality = TACTILED_BAD;
     for (std::uint64_t ms = 1; ms <= 11; ++ms) (void)pair.compare(at(ms, -5), at(ms, -9));
@@ -78,7 +82,7 @@ TEST(Agreement, TheTimesOnBothSidesOfAGapAreNotAdded) {
 }
 
 TEST(Agreement, ADoubtfulSampleNowAndThenDoesNotBeginTheTimeAnew) {
-    Agreement pair = within(1, 10);
+    Pair pair(1, 10);
     for (std::uint64_t ms = 1; ms <= 12; ++ms) {
         tactiled_sample mine = at(ms, -5);
         if (ms % 3 == 0) {
@@ -91,7 +95,7 @@ TEST(Agreement, ADoubtfulSampleNowAndThenDoesNotBeginTheTimeAnew) {
 }
 
 TEST(Agreement, IsNotWithASampleOfAnotherTime) {
-    Agreement pair = within(1, 10);
+    Pair pair(1, 10);
     for (std::uint64_t ms = 100; ms < 200; ++ms) EXPECT_FALSE(pair.compare(at(ms, -double(ms)), at(89, -89)));
     for (std::uint64_t ms = 200; ms <= 210; ++ms) (void)pair.compare(at(ms, -5), at(ms - 9, -9));
     EXPECT_TRUE(pair.compare(at(211, -5), at(202, -9)));
@@ -102,8 +106,8 @@ TEST(Agreement, ASensorInDoubtKeepsItsLowPass) {
     Sensor::Setup setup;
     setup.channel_of_frame = {0, 1, 2};
     setup.frame_channels = 3;
-    setup.settable.filter_Hz = 5;
-    setup.agreement = {1, 1, 10 * kMs};
+    setup.tuning.filter_hz = 5;
+    setup.tuning.pair = {1, 1, 10};
     setup.decoupler = std::make_unique<Through>();
     Sensor sensor(std::move(setup));
     sensor.start(7, 0);
@@ -120,12 +124,12 @@ TEST(Agreement, ASensorInDoubtKeepsItsLowPass) {
 }
 
 TEST(Agreement, OtherLimitsAndAReplacedSensorKeepTheDoubtUntilTheyAgree) {
-    Agreement pair = within(1, 10);
+    Pair pair(1, 10);
     for (std::uint64_t ms = 1; ms <= 11; ++ms) (void)pair.compare(at(ms, -5), at(ms, -7));
-    pair.judge_by({1, 1, 10 * kMs});
     EXPECT_TRUE(pair.compare(at(12, -5), at(12, -7)));
-    pair.judge_by({1, 3, 10 * kMs});
-    Agreement successor = within(3, 10), of_another({2, 3, 10 * kMs});
+    pair.agree_N = 3;
+    Pair successor(3, 10), of_another(3, 10);
+    static_cast<PairSettings&>(of_another).other = 2;
     successor.succeed(pair);
     of_another.succeed(pair);
     for (std::uint64_t ms = 13; ms < 23; ++ms) {
@@ -135,8 +139,6 @@ TEST(Agreement, OtherLimitsAndAReplacedSensorKeepTheDoubtUntilTheyAgree) {
     }
     EXPECT_FALSE(pair.compare(at(23, -5), at(23, -7)));
     EXPECT_FALSE(successor.compare(at(23, -5), at(23, -7)));
-    pair.judge_by({-1, 0, 0});
-    EXPECT_EQ(pair.other(), -1);
 }
 
 }  // namespace

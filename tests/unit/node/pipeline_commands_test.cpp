@@ -20,10 +20,10 @@ public:
     std::string_view method() const noexcept override { return "certain"; }
 };
 
-Sensor certain(double tare_limit_N, const Agreement::Limits& agreement = {}) {
+Sensor certain(double tare_limit_N, const PairSettings& pair = {}) {
     Sensor::Setup setup;
-    setup.tare_limit_N = tare_limit_N;
-    setup.agreement = agreement;
+    setup.tuning.tare_limit_of_magnitude_N = tare_limit_N;
+    setup.tuning.pair = pair;
     setup.channel_of_frame = {0};
     setup.frame_channels = 1;
     setup.decoupler = std::make_unique<Certain>();
@@ -176,7 +176,7 @@ TEST_F(PipelineTest, ALatchedFaultClearsItselfOnceItsCauseHasBeenAbsentForLongEn
 
 TEST_F(PipelineTest, TwoSensorsOfOneForceThatDifferAreBothUncertainUntilTheyAgree) {
     for (const int i : {0, 1}) {
-        sensors_[std::size_t(i)] = certain(0, {1 - i, 1, 20'000'000});
+        sensors_[std::size_t(i)] = certain(0, {1 - i, 1, 20});
         sensors_[std::size_t(i)].start(segment_.epoch(), now_);
     }
     const auto both = [&](double a, double b, int ms) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <random>
 
@@ -16,9 +17,7 @@ namespace {
 
 class Stream {
 public:
-    explicit Stream(const StreamLimits& limits, double drift_N = 0) : sensor_(setup(limits, drift_N)) {
-        sensor_.start(7, 0);
-    }
+    explicit Stream(const std::function<void(Tuning&)>& tune) : sensor_(setup(tune)) { sensor_.start(7, 0); }
     tactiled_sample send(double a, double b, double c, std::uint64_t after_ms = 1, std::uint32_t lost = 0) {
         Frame f;
         t_ns_ += after_ms * kMs;
@@ -34,13 +33,12 @@ public:
     std::uint64_t& t_ns() { return t_ns_; }
 
 private:
-    static Sensor::Setup setup(const StreamLimits& limits, double drift_N) {
+    static Sensor::Setup setup(const std::function<void(Tuning&)>& tune) {
         Sensor::Setup setup;
         setup.channel_of_frame = {0, 1, 2};
         setup.frame_channels = 3;
-        setup.saturates_above = 8'388'607;
-        setup.stream = limits;
-        setup.drift_N = drift_N;
+        setup.tuning.saturates_at[1] = 8'388'607;
+        tune(setup.tuning);
         setup.decoupler = std::make_unique<Through>();
         return setup;
     }
@@ -51,7 +49,7 @@ private:
 constexpr unsigned kGood = TACTILED_GOOD, kUncertain = TACTILED_UNCERTAIN, kBad = TACTILED_BAD;
 
 TEST(StreamQuality, AChannelThatRepeatsItselfHasNoValueUntilItHasChangedTwice) {
-    Stream stream({.frozen_after = 5});
+    Stream stream([](Tuning& t) { t.frozen_of.fill({5, 0}); });
     const auto before = stream.send(1, 1, 7);
     for (int i = 2; i < 5; ++i) EXPECT_EQ(stream.send(i, -i, 7).quality, kGood) << i;
     auto s = stream.send(5, -5, 7);
@@ -67,7 +65,7 @@ TEST(StreamQuality, AChannelThatRepeatsItselfHasNoValueUntilItHasChangedTwice) {
 }
 
 TEST(StreamQuality, ADeviceThatComesBackWithTheSameNumberIsStillFrozen) {
-    Stream stream({.frozen_after = 5});
+    Stream stream([](Tuning& t) { t.frozen_of.fill({5, 0}); });
     for (int i = 0; i < 6; ++i) (void)stream.send(i, -i, 7);
     ASSERT_TRUE(stream.sensor().has_discontinuity(false, stream.t_ns()));
     EXPECT_EQ(stream.send(9, 9, 7).quality, kBad);
@@ -75,9 +73,9 @@ TEST(StreamQuality, ADeviceThatComesBackWithTheSameNumberIsStillFrozen) {
 }
 
 TEST(StreamQuality, ADeadChannelStaysDeadUnderAnotherCalibration) {
-    Stream stream({.frozen_after = 5});
+    Stream stream([](Tuning& t) { t.frozen_of.fill({5, 0}); });
     for (int i = 0; i < 6; ++i) (void)stream.send(i, -i, 7);
-    Stream next({.frozen_after = 5});
+    Stream next([](Tuning& t) { t.frozen_of.fill({5, 0}); });
     next.sensor().succeed(stream.sensor());
     next.t_ns() = stream.t_ns();
     EXPECT_EQ(next.send(6, -6, 7).reasons, unsigned(TACTILED_FROZEN));
@@ -86,7 +84,7 @@ TEST(StreamQuality, ADeadChannelStaysDeadUnderAnotherCalibration) {
 }
 
 TEST(StreamQuality, ALinkThatWasOpenedAnewBetweenTwoFramesIsADiscontinuityThoughNobodySawIt) {
-    Stream stream({});
+    Stream stream([](Tuning&) {});
     const auto before = stream.send(1, 2, 3);
     stream.opening = 1;
     EXPECT_EQ(stream.send(1, 2, 3).epoch, before.epoch + 1);
@@ -97,7 +95,7 @@ TEST(StreamQuality, ALinkThatWasOpenedAnewBetweenTwoFramesIsADiscontinuityThough
 }
 
 TEST(StreamQuality, ASaturationLimitRepeatsRightly) {
-    Stream stream({.frozen_after = 5});
+    Stream stream([](Tuning& t) { t.frozen_of.fill({5, 0}); });
     for (int i = 0; i < 20; ++i) EXPECT_EQ(stream.send(i, -i, 8'388'607).reasons, unsigned(TACTILED_SATURATED)) << i;
     for (int i = 0; i < 6; ++i) (void)stream.send(i, -i, 7);
     (void)stream.send(1, 2, 8'388'607);
@@ -106,10 +104,10 @@ TEST(StreamQuality, ASaturationLimitRepeatsRightly) {
 }
 
 TEST(StreamQuality, EachChannelHasItsOwnLimitWhichIsATimeToo) {
-    StreamLimits limits;
-    limits.frozen_of[1] = {.after = 5, .ns = 20 * kMs};
-    limits.frozen_of[2] = {.after = 10, .ns = 0};
-    Stream stream(limits);
+    Stream stream([](Tuning& t) {
+        t.frozen_of[1] = {.after = 5, .ns = 20 * kMs};
+        t.frozen_of[2] = {.after = 10, .ns = 0};
+    });
     for (int i = 0; i < 9; ++i) EXPECT_EQ(stream.send(7, 7, 7).quality, kGood) << i;
     auto s = stream.send(7, 7, 7);
     EXPECT_EQ(s.missing, 0b100u);  // ten readings in 9 ms
@@ -121,13 +119,16 @@ TEST(StreamQuality, EachChannelHasItsOwnLimitWhichIsATimeToo) {
 }
 
 TEST(StreamQuality, WithoutALimitAQuietSensorMayRepeatItself) {
-    Stream stream({});
+    Stream stream([](Tuning&) {});
     for (int i = 0; i < 1000; ++i) ASSERT_EQ(stream.send(1, 2, 3).quality, kGood);
 }
 
 TEST(StreamQuality, AnIdleBusIsNoValueWithinEightReadingsOfThreeChannels) {
     for (const double idle : {0.0, -1.0, 65535.0}) {
-        Stream stream({.frozen_after = 100, .noisy = true});
+        Stream stream([](Tuning& t) {
+            t.frozen_of.fill({100, 0});
+            t.noisy = true;
+        });
         (void)stream.send(5, 6, 7);
         for (int i = 0; i < 7; ++i) EXPECT_EQ(stream.send(idle, idle, idle).quality, kGood) << idle;
         const auto s = stream.send(idle, idle, idle);
@@ -135,12 +136,15 @@ TEST(StreamQuality, AnIdleBusIsNoValueWithinEightReadingsOfThreeChannels) {
         EXPECT_EQ(s.reasons, unsigned(TACTILED_IDLE_BUS)) << idle;
         EXPECT_EQ(stream.send(5, 6, 7).quality, kGood) << idle;
     }
-    Stream quiet({.frozen_after = 100});
+    Stream quiet([](Tuning& t) { t.frozen_of.fill({100, 0}); });
     for (int i = 0; i < 50; ++i) EXPECT_EQ(quiet.send(0, 0, 0).quality, kGood);  // a sensor of few bits, at rest
 }
 
 TEST(StreamQuality, AnImpossibleStepIsUncertainAndKeepsItsValue) {
-    Stream stream({.slew_per_s = 1000, .rate_Hz = 1000});
+    Stream stream([](Tuning& t) {
+        t.slew_limit_per_s = 1000;
+        t.rate_Hz = 1000;
+    });
     EXPECT_EQ(stream.send(0, 0, 0).quality, kGood);
     EXPECT_EQ(stream.send(0, 1, -1).quality, kGood);  // 1 in 1 ms is allowed
     const auto s = stream.send(0, 1, 1.5);
@@ -151,7 +155,10 @@ TEST(StreamQuality, AnImpossibleStepIsUncertainAndKeepsItsValue) {
 }
 
 TEST(StreamQuality, TimeThatPassedIsNoStep) {
-    Stream stream({.slew_per_s = 1000, .rate_Hz = 1000});
+    Stream stream([](Tuning& t) {
+        t.slew_limit_per_s = 1000;
+        t.rate_Hz = 1000;
+    });
     (void)stream.send(0, 0, 0);
     EXPECT_EQ(stream.send(9, 0, 0, 10).quality, kGood);     // 9 in 10 ms
     EXPECT_EQ(stream.send(10, 0, 0, 0).quality, kGood);     // the next one of a backlog: no time by the host's clock
@@ -162,7 +169,10 @@ TEST(StreamQuality, TimeThatPassedIsNoStep) {
 }
 
 TEST(StreamQuality, AnotherRateThanDeclaredIsReportedAndTheValueStaysGood) {
-    Stream stream({.rate_Hz = 1000, .rate_tolerance = 0.2});
+    Stream stream([](Tuning& t) {
+        t.rate_Hz = 1000;
+        t.rate_tolerance = 0.2;
+    });
     std::uint32_t reasons = 0;
     const auto run = [&](int frames, std::uint64_t every_ms) {
         tactiled_sample s{};
@@ -184,7 +194,7 @@ TEST(StreamQuality, AnotherRateThanDeclaredIsReportedAndTheValueStaysGood) {
 }
 
 TEST(StreamQuality, AZeroThatWandersAtRestAsksForMaintenanceAndAPressDoesNot) {
-    Stream stream({}, 0.2);
+    Stream stream([](Tuning& t) { t.drift_limit_N = 0.2; });
     tactiled_sample s{};
     const auto run = [&](int ms, double fz_N) {
         for (int i = 0; i < ms; ++i) s = stream.send(0, 0, fz_N);
@@ -207,7 +217,14 @@ TEST(StreamQuality, AZeroThatWandersAtRestAsksForMaintenanceAndAPressDoesNot) {
 // hum, presses as fast as the limit, timestamps that jitter by a third of a period, backlogs, single lost frames.
 TEST(StreamQuality, AMillionGoodSamplesAreAllGood) {
     constexpr double kSlew = 4e6;  // counts per second
-    Stream stream({.stale_ns = 20 * kMs, .frozen_after = 100, .noisy = true, .slew_per_s = kSlew, .rate_Hz = 1000}, 1e9);
+    Stream stream([](Tuning& t) {
+        t.stale_ns = 20 * kMs;
+        t.frozen_of.fill({100, 0});
+        t.noisy = true;
+        t.slew_limit_per_s = kSlew;
+        t.rate_Hz = 1000;
+        t.drift_limit_N = 1e9;
+    });
     std::mt19937_64 random(1);
     std::normal_distribution<double> noise(0, 1.5);
     std::uniform_real_distribution<double> jitter_ms(-0.33, 0.33);
@@ -232,8 +249,9 @@ TEST(StreamQuality, AMillionGoodSamplesAreAllGood) {
 }
 
 TEST(StreamQuality, OfOtherChannelsNothingIsKnownAfterAReplacement) {
-    const StreamLimits limits{.stale_ns = 1'000'000'000, .frozen_after = 3};
-    StreamQuality before(limits);
+    Tuning tuning;
+    tuning.frozen_of.fill({3, 0});
+    StreamQuality before(tuning);
     Frame f;
     const std::array<double, 2> still{1, 2};
     std::uint32_t dead = 0;
@@ -243,7 +261,7 @@ TEST(StreamQuality, OfOtherChannelsNothingIsKnownAfterAReplacement) {
     }
     EXPECT_EQ(dead, 0b11u);
     for (const bool same_channels : {true, false}) {
-        StreamQuality after(limits);
+        StreamQuality after(tuning);
         after.succeed(before, same_channels);
         EXPECT_EQ(after.discontinuities(), before.discontinuities() + 1);
         dead = 0;
@@ -254,7 +272,7 @@ TEST(StreamQuality, OfOtherChannelsNothingIsKnownAfterAReplacement) {
 }
 
 TEST(StreamQuality, AStepIsJudgedByTheMeasuredRateWhereNoneIsDeclared) {
-    Stream stream({.slew_per_s = 100});
+    Stream stream([](Tuning& t) { t.slew_limit_per_s = 100; });
     EXPECT_EQ(stream.send(0, 0, 0).quality, kGood);
     EXPECT_EQ(stream.send(50, 0, 0).quality, kGood) << "no rate is known yet";
     for (int i = 0; i < 1200; ++i) EXPECT_EQ(stream.send(50, 0, 0).quality, kGood);
@@ -266,10 +284,12 @@ TEST(StreamQuality, AStepIsJudgedByTheMeasuredRateWhereNoneIsDeclared) {
 TEST(ZeroDriftCheck, AComponentThatTheModelDoesNotSeeDoesNotCount) {
     constexpr std::uint64_t kSecond = 1'000'000'000;
     const double nan = std::numeric_limits<double>::quiet_NaN();
-    ZeroDriftCheck drift(1);
+    Tuning tuning;
+    tuning.drift_limit_N = 1;
+    ZeroDriftCheck drift(tuning);
     EXPECT_FALSE(drift.has_drifted({nan, nan, 0.9}, true, kSecond));
     EXPECT_FALSE(drift.has_drifted({nan, nan, 0.9}, true, 4 * kSecond));
-    ZeroDriftCheck drifted(1);
+    ZeroDriftCheck drifted(tuning);
     EXPECT_FALSE(drifted.has_drifted({nan, nan, 1.1}, true, kSecond));
     EXPECT_TRUE(drifted.has_drifted({nan, nan, 1.1}, true, 4 * kSecond));
 }

@@ -11,8 +11,7 @@ inline Sensor make(double counts_per_unit = 1) {
     setup.channel_of_frame = {0, 1, 2};
     setup.frame_channels = 3;
     setup.counts_per_unit = counts_per_unit;
-    setup.saturates_below = -1000;
-    setup.saturates_above = 1000;
+    setup.tuning.saturates_at = {-1000, 1000};
     setup.decoupler = std::make_unique<Through>(100);
     Sensor sensor(std::move(setup));
     sensor.start(7, 0);

@@ -106,7 +106,7 @@ TEST(Sensor, AStreamWithoutClockAndCounterIsTaredWhereTheUserAcceptsIt) {
     Sensor::Setup setup;
     setup.channel_of_frame = {0, 1, 2};
     setup.frame_channels = 3;
-    setup.accept_unproved_age = true;
+    setup.tuning.accept_unproved_age = true;
     setup.decoupler = std::make_unique<Through>(100);
     Sensor sensor(std::move(setup));
     sensor.start(7, 0);

@@ -107,8 +107,8 @@ TEST(Sensor, AFrameOfAnotherDeviceThanTheCalibrationsHasNoValue) {
 }
 
 TEST(Sensor, TheDelayOfChainAndLowPassIsInTheStandardDeviationWhileTheForceMoves) {
-    Sensor chain = with([](Sensor::Setup& setup) { setup.delay_s = {0.004, 0.004, 0.004}; });
-    Sensor filtered = with([](Sensor::Setup& setup) { setup.settable.filter_Hz = 50; });
+    Sensor chain = with([](Sensor::Setup& setup) { setup.tuning.delay_s = {0.004, 0.004, 0.004}; });
+    Sensor filtered = with([](Sensor::Setup& setup) { setup.tuning.filter_hz = 50; });
     tactiled_sample late{}, low_passed{};
     for (std::uint64_t i = 1; i < 50; ++i) {
         late = send(chain, i * kMs, 0.1 * double(i), 0);  // 100 N/s

@@ -22,7 +22,7 @@ Tared tare(unsigned samples, double limit_N, Force force_N) {
     Sensor::Setup setup;
     setup.channel_of_frame = {0, 1, 2};
     setup.frame_channels = 3;
-    setup.tare_limit_N = limit_N;
+    setup.tuning.tare_limit_of_magnitude_N = limit_N;
     setup.decoupler = std::make_unique<Through>();
     Sensor sensor(std::move(setup));
     sensor.start(7, 0);
@@ -96,12 +96,15 @@ TEST(Tare, BeyondTheLimitIsRefusedAsALoadAndWithoutALimitTaken) {
 
 TEST(Tare, BeyondTheLimitOfOneComponentIsRefusedToo) {
     const auto tare_of_z = [](double force_N, double limit_N) {
-        Zero zero({1, 0, {0, 5, limit_N}});
+        Tuning tuning;
+        tuning.tare_ms = 1;
+        tuning.tare_limit_of_component_N = {0, 5, limit_N};
+        Zero zero(tuning);
         zero.begin_tare(0);
         for (std::uint64_t i = 0; i <= 8; ++i) {
             tactiled_sample s{};
             s.quality = TACTILED_GOOD;
-            s.t_ns = i;
+            s.t_ns = i * kMs;
             s.raw_force_S_N[0] = 100;  // a component without a limit
             s.raw_force_S_N[2] = force_N;
             if (zero.tare() == Sensor::Tare::running) (void)zero.advance(s, {}, 0, 1);

@@ -19,7 +19,8 @@ protected:
         for (int i = 0; i < int(std::lround(seconds * 100)); ++i) last = thermometer.judge(t_C, now_ns += kSecond / 100);
         return last;
     }
-    Thermometer thermometer;
+    Tuning tuning;
+    Thermometer thermometer{tuning};
     std::uint64_t now_ns = kSecond;
 };
 
@@ -57,7 +58,7 @@ TEST_F(ThermometerTest, WithoutAReadingItHasNoValueAndMayChangeAsARoomDoes) {
 
 TEST_F(ThermometerTest, StandingStillIsFrozenWhereItIsDeclaredAndMovesTwiceToBeAlive) {
     EXPECT_EQ(read(23, 10), 23);
-    thermometer.judge_by({.frozen_after = 100});
+    tuning.thermometer_frozen_after = 100;
     EXPECT_TRUE(std::isnan(read(23, 1)));
     EXPECT_TRUE(std::isnan(read(23.01)));
     EXPECT_EQ(read(23.02), 23.02);

@@ -38,8 +38,8 @@ Sensor sensor_times(double factor, double contact_on_N = 0.5) {
     Sensor::Setup setup;
     setup.channel_of_frame = {0};
     setup.frame_channels = 1;
-    setup.settable.contact_on_N = contact_on_N;
-    setup.tare_ns = 1'000'000'000;
+    setup.tuning.contact_on_N = contact_on_N;
+    setup.tuning.tare_ms = 1000;
     setup.decoupler = std::make_unique<Times>(factor);
     return Sensor(std::move(setup));
 }

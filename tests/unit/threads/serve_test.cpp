@@ -76,7 +76,7 @@ protected:
         Sensor::Setup setup;
         setup.channel_of_frame = {0};
         setup.frame_channels = 1;
-        setup.stream.stale_ns = stale_ms_ * kMs;
+        setup.tuning.stale_ns = stale_ms_ * kMs;
         setup.decoupler = std::make_unique<FirstChannel>();
         node_.sensors.emplace_back(std::move(setup));
         tactiled_sensor entry{};

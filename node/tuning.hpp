@@ -1,0 +1,36 @@
+// The settings of a sensor that a reload may exchange while it runs. The sensor holds one Tuning and its parts point to it,
+// so that there is one copy of each value: a new key is a member of SensorTuning and an entry of its table
+// (config/sensor.cpp).
+#pragma once
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "config/config.hpp"
+#include "drivers/frame.hpp"
+
+namespace tactiled {
+
+// The keys of the configuration, and what follows from them, the calibration and the driver (setup.cpp).
+struct Tuning : SensorTuning {
+    std::uint64_t stale_ns = 100'000'000;  // no value if there is no frame for longer
+    // A channel that repeats one number is frozen after this number of readings, if they last this long. 0 readings = never.
+    struct Frozen {
+        unsigned after = 0;
+        std::uint64_t ns = 0;
+    };
+    std::array<Frozen, kMaxChannels> frozen_of{};
+    bool noisy = false;  // noise changes its numbers in every reading: one number everywhere is an idle bus
+    unsigned thermometer_frozen_after = 0;  // readings; 0 = never
+    // Limit of a new zero relative to the calibration's: each component's of the force, and of the magnitude; 0 = none.
+    std::array<double, 3> tare_limit_of_component_N{};
+    double tare_limit_of_magnitude_N = 0;
+    // Known delay of converter and transmission of each channel of the model: part of the standard deviation (latency.hpp).
+    // Empty = none.
+    std::vector<double> delay_s;
+
+    [[nodiscard]] std::uint64_t tare_ns() const noexcept { return std::uint64_t(tare_ms) * 1'000'000u; }
+    [[nodiscard]] std::uint64_t agree_ns() const noexcept { return std::uint64_t(pair.agree_ms) * 1'000'000u; }
+};
+
+}  // namespace tactiled
