@@ -110,7 +110,7 @@ struct SensorTuning {
 };
 
 struct SensorSettings : SensorPlace, SensorMeasuring, SensorTuning {
-    static constexpr Reload kReload = Reload::epoch;  // of the model's keys
+    static constexpr Reload kReload = Reload::epoch;  // the model's keys
     int thermometer = -1;                             // index of the sensor that temperature_of names, -1: none
     Options options = no_options();                   // the model's own keys, not yet read
 };

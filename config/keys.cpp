@@ -38,7 +38,9 @@ constexpr char kIntroduction[] =
     "NAME stands for the name of the node. The column Change tells what a changed value needs:\n\n"
     "* restart: the daemon must be restarted. A reload that finds such a change is refused as a whole.\n"
     "* reload: `systemctl reload tactiled` (SIGHUP) puts it in force without losing a sample.\n"
-    "* reload, new epoch: the same, and the sensor begins a new epoch without its tare.\n";
+    "* reload, new epoch: the same, and the sensor begins a new epoch without its tare.\n\n"
+    "A file that lacks keys which it had may have been cut: the first reload names them and changes nothing, the second "
+    "accepts it.\n";
 
 }  // namespace
 

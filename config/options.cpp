@@ -100,6 +100,38 @@ std::vector<std::string> Options::differing_keys(const Options& other) const {
     return differing;
 }
 
+namespace {
+
+void add_lost(const toml::table& now, const toml::table& before, const std::string& where, std::vector<std::string>& lost) {
+    for (const auto& [key, was] : before) {
+        const toml::node* const is = now.get(key.str());
+        const std::string name = where + std::string(key.str());
+        if (is == nullptr) {
+            lost.push_back(name);
+        } else if (is->is_table() && was.is_table()) {
+            add_lost(*is->as_table(), *was.as_table(), name + ".", lost);
+        } else if (is->is_array_of_tables() && was.is_array_of_tables()) {
+            const toml::array &here = *is->as_array(), &there = *was.as_array();
+            for (std::size_t i = 0; i < there.size(); ++i) {
+                const toml::table& one = *there[i].as_table();
+                const std::string element = fmt::format("{} {}", name, in_quotes(one["name"].value_or(std::to_string(i))));
+                if (i >= here.size())
+                    lost.push_back(element);
+                else
+                    add_lost(*here[i].as_table(), one, element + ": ", lost);
+            }
+        }
+    }
+}
+
+}  // namespace
+
+std::vector<std::string> Options::lost_keys(const Options& before) const {
+    std::vector<std::string> lost;
+    if (node_->table != nullptr && before.node_->table != nullptr) add_lost(*node_->table, *before.node_->table, "", lost);
+    return lost;
+}
+
 Options Options::table(std::string_view key) {
     const toml::node* found = node_->ask(key);
     auto& known = node_->children[std::string(key)];

@@ -90,6 +90,8 @@ public:
     [[nodiscard]] std::vector<std::string> keys() const;        // all keys of the table; does not count as reading them
     // Returns the keys whose values differ, in order; a table counts as one key.
     [[nodiscard]] std::vector<std::string> differing_keys(const Options& other) const;
+    // Returns the keys and tables of `before` that are not here any more, also within tables: `sensor "left": filter_hz`.
+    [[nodiscard]] std::vector<std::string> lost_keys(const Options& before) const;
     Options table(std::string_view key);  // optional: missing is an empty table
     // Returns [[key]]; optional. More than `max` is an error, and further ones are neither returned nor checked.
     std::vector<Options> tables(std::string_view key, std::size_t max = 256);

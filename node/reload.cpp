@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "config/keys.hpp"
 #include "node/log.hpp"
@@ -51,6 +52,7 @@ void Reloader::reload(Pipeline& pipeline) noexcept try {
 std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
     Node fresh = load_node(running_.config.path, problems, costs_folder_);
     if (problems.empty()) refuse_what_needs_a_restart(fresh);
+    if (problems.empty()) refuse_a_loss_once(fresh);
     if (!problems.empty()) return "";
 
     Accepted next = accepted(fresh);  // everything that may throw comes before the change
@@ -72,6 +74,7 @@ std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
     }
     for (std::size_t i = 0; i < running_.links.size(); ++i) running_.links[i]->age.retune(fresh.links[i]->age);
     now_ = std::move(next);
+    announced_.clear();
     return done;
 }
 
@@ -101,6 +104,13 @@ void Reloader::refuse_what_needs_a_restart(Node& fresh) const {
     for (const auto& key : grasp.differing_keys(before.table("grasp")))
         if (reload_rule("grasp", key) == Reload::restart && !(key == "objects" && same_objects))
             grasp.problem(key, fmt::format("{} {}", key, kRestart));
+}
+
+void Reloader::refuse_a_loss_once(Node& fresh) {
+    std::vector<std::string> lost = fresh.config.root.lost_keys(now_.root);
+    if (lost == std::exchange(announced_, lost)) return;
+    for (const auto& key : lost)
+        fresh.config.root.problem("", fmt::format("{} is not in the file any more; if that is right, reload again", key));
 }
 
 bool Reloader::measures_alike(const Node& fresh, std::size_t i) const {

@@ -1,6 +1,6 @@
 // SIGHUP: reads the configuration and the calibrations again and applies the changes to the running node, all or
 // nothing. config/KEYS.md states for each key whether it may change without a restart; the refusal of another change
-// names it.
+// names it. A file that lacks keys which it had may have been cut: it is accepted the second time.
 #pragma once
 #include <string>
 #include <vector>
@@ -31,6 +31,7 @@ private:
     [[nodiscard]] static Accepted accepted(const Node& node);
     [[nodiscard]] std::string try_reload(Pipeline& pipeline, Problems& problems);
     void refuse_what_needs_a_restart(Node& fresh) const;
+    void refuse_a_loss_once(Node& fresh);
     [[nodiscard]] bool measures_alike(const Node& fresh, std::size_t i) const;
     [[nodiscard]] Replacement difference(Node& fresh) const;
 
@@ -38,6 +39,7 @@ private:
     std::string costs_folder_;
     ZeroStore* zeros_;
     Accepted now_;
+    std::vector<std::string> announced_;  // keys that the last reload would have lost
 };
 
 }  // namespace tactiled

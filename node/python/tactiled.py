@@ -266,25 +266,28 @@ def _folders():
 
 def _open_folder(path):
     """Returns the descriptor and the owner of a folder that only its owner and root can write to, and for which the
-    same holds for each folder above it. tactiled_open_folder() in folder.h has the reasons."""
+    same holds for each folder above it, but for a sticky folder of root. folder.h has the reasons."""
     names = [name for name in path.split("/") if name]
     if not path.startswith("/") or "." in names or ".." in names:
         raise Error(f'folder "{path:.100}": is not a full path, or has "." or ".." in it')
     flags = getattr(os, "O_PATH", os.O_RDONLY) | os.O_DIRECTORY | os.O_CLOEXEC
-    fd, above, at = os.open("/", flags), 0, "/"
+    fd, above, at, in_shared = os.open("/", flags), 0, "/", False
     try:
         for i in range(len(names) + 1):
             status = os.fstat(fd)
             wrong = None
-            if status.st_mode & _WRITABLE:
+            is_shared = i < len(names) and status.st_uid == 0 and bool(status.st_mode & stat.S_ISVTX)
+            if status.st_mode & _WRITABLE and not is_shared:
                 wrong = "other users than its owner can write to it"
+            elif in_shared and status.st_uid not in (0, os.geteuid()):
+                wrong = "another user than root or you made it, where any user can make one"
             elif above and status.st_uid != above and (status.st_uid or i == len(names)):
                 wrong = "it is inside the folder of another user"
             if wrong:
                 raise Error(f"{at}: not a trusted folder: {wrong}")
             if i == len(names):
                 return fd, status.st_uid
-            above = status.st_uid or above
+            above, in_shared = status.st_uid or above, is_shared
             at = "/" + "/".join(names[:i + 1])
             inner = os.open(names[i], flags | os.O_NOFOLLOW, dir_fd=fd)
             os.close(fd)

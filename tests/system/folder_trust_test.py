@@ -75,12 +75,18 @@ class AFolder(unittest.TestCase):
             self.assertFalse(both(f"{inner}/../a"))
             self.assertFalse(both("/tmp"))
             self.assertFalse(both("nowhere"))
-            for path, mode in ((inner, 0o777), (inner.parent, 0o1777), (copy, 0o660)):
+            for path, mode in ((inner, 0o777), (inner.parent, 0o777), (copy, 0o660)):
                 before = path.stat().st_mode
                 path.chmod(mode)
                 self.assertFalse(both(inner), path)
                 path.chmod(before)
             if IS_ROOT:
+                inner.parent.chmod(0o1777)
+                self.assertTrue(both(inner))
+                os.chown(inner, STRANGER, STRANGER)
+                self.assertFalse(both(inner))
+                os.chown(inner, 0, 0)
+                inner.parent.chmod(0o755)
                 for path in (copy, inner.parent):
                     os.chown(path, STRANGER, STRANGER)
                     self.assertFalse(both(inner), path)

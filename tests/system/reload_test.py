@@ -147,6 +147,17 @@ class Reload(unittest.TestCase):
         self.assertEqual({s.epoch - before[0].epoch for s in after}, {1})
         self.check_untouched(seen["b"])
 
+    def test_a_file_that_lacks_keys_which_it_had_is_accepted_the_second_time(self):
+        self.edit('name = "a"\nlink', 'name = "a"\nfilter_hz = 10\nlink')
+        self.reload(r'changed sensor "a"\n')
+        self.edit("filter_hz = 10\n", "")
+        self.reload(r'sensor "a": filter_hz is not in the file any more; if that is right, reload again(.|\n)*nothing was changed\n')
+        time.sleep(0.1)
+        self.assertTrue(self.node.latest("a").state & tactiled.LOW_PASS)
+        self.reload(r'changed sensor "a"\n')
+        wait_for(lambda: not self.node.latest("a").state & tactiled.LOW_PASS, 2, "no low pass")
+        self.samples()
+
     def test_what_is_wrong_or_needs_a_restart_changes_nothing_at_all(self):
         good = self.d.config.read_text()
         calibration = (self.d.folder / "a.toml").read_text()

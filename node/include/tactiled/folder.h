@@ -6,9 +6,10 @@
  * user's own daemon. The first folder that has a segment of the wanted name is used.
  *
  * A folder is trusted if only its owner and root can add, rename or remove its files. The same must hold for each
- * folder above it, because a user who can write there could replace the folder. A sticky folder such as /tmp
- * fails: any user can create a file there while the daemon does not run. /dev/shm fails for that reason and is
- * used only where it is named explicitly. Programs that were built with headers without this file look in
+ * folder above it, because a user who can write there could replace the folder. A sticky folder of root, such as
+ * /tmp, fails itself, because any user can create a file there while the daemon does not run. A folder in it is
+ * trusted if it belongs to root or to the caller: no other user can create or replace that. /dev/shm is used only
+ * where it is named explicitly. Programs that were built with headers without this file look in
  * /dev/shm only. */
 #ifndef TACTILED_FOLDER_H
 #define TACTILED_FOLDER_H
@@ -73,7 +74,8 @@ static inline int tactiled_folder(unsigned n, char* folder, size_t size) {
  * one before it and is examined after it was opened, so that it cannot be exchanged in between. */
 static inline int tactiled_open_folder(const char* folder, uid_t* owner, char* why, size_t why_size) {
     const char* at = folder;
-    uid_t above = 0; /* the user, other than root, who owns a folder above */
+    uid_t above = 0;   /* the user, other than root, who owns a folder above */
+    int in_shared = 0; /* any user can create a folder beside this one */
     int fd = folder[0] == '/' ? open("/", TACTILED_O_PATH | O_DIRECTORY | O_CLOEXEC) : -1;
     const char* wrong = folder[0] == '/' ? NULL : "is not a full path";
     char name[NAME_MAX + 1];
@@ -82,7 +84,7 @@ static inline int tactiled_open_folder(const char* folder, uid_t* owner, char* w
     while (wrong == NULL) {
         const char* const end = at;
         size_t length;
-        int next, error;
+        int next, error, is_shared;
         at += strspn(at, "/");
         length = strcspn(at, "/");
         if (fd < 0 || fstat(fd, &status) != 0) {
@@ -93,8 +95,11 @@ static inline int tactiled_open_folder(const char* folder, uid_t* owner, char* w
             errno = error;
             return -1;
         }
-        if ((status.st_mode & (S_IWGRP | S_IWOTH)) != 0)
+        is_shared = length != 0 && status.st_uid == 0 && (status.st_mode & S_ISVTX) != 0;
+        if ((status.st_mode & (S_IWGRP | S_IWOTH)) != 0 && !is_shared)
             wrong = "other users than its owner can write to it";
+        else if (in_shared && status.st_uid != 0 && status.st_uid != geteuid())
+            wrong = "another user than root or you made it, where any user can make one";
         else if (length != 0 && status.st_uid != 0 && above != 0 && status.st_uid != above)
             wrong = "it is inside the folder of another user";
         else if (length == 0 && above != 0 && status.st_uid != above)
@@ -113,6 +118,7 @@ static inline int tactiled_open_folder(const char* folder, uid_t* owner, char* w
             return fd;
         }
         if (status.st_uid != 0) above = status.st_uid;
+        in_shared = is_shared;
         memcpy(name, at, length);
         name[length] = 0;
         next = openat(fd, name, TACTILED_O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);

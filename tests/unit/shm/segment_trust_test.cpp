@@ -79,9 +79,24 @@ TEST_F(TrustTest, SoIsAFolderInsideOfOne) {
     set_runtime_folder(inner);
     const auto writer = alive();
     EXPECT_EQ(why(inner), "open");
-    ASSERT_EQ(::chmod((folder_ + "/a").c_str(), 01777), 0);
+    ASSERT_EQ(::chmod((folder_ + "/a").c_str(), 0777), 0);
     EXPECT_TRUE(refused(inner, folder_ + "/a: not a trusted folder"));
     EXPECT_EQ(why("/tmp").find("/tmp: not a trusted folder"), 0u);
+}
+
+TEST_F(TrustTest, InAStickyFolderOfRootOnlyAFolderOfRootOrOnesOwnIsTrusted) {
+    NEEDS_ROOT();
+    const std::string inner = folder_ + "/a/b";
+    std::filesystem::create_directories(inner);
+    set_runtime_folder(inner);
+    const auto writer = alive();
+    ASSERT_EQ(::chmod((folder_ + "/a").c_str(), 01777), 0);
+    EXPECT_EQ(why(inner), "open");
+    ASSERT_EQ(::chown(inner.c_str(), kStranger, kStranger), 0);
+    EXPECT_TRUE(refused(inner, inner + ": not a trusted folder: another user than root or you made it"));
+    EXPECT_EQ(as_stranger([&] { return why(inner).find("join the group of the segment") != std::string::npos ? 0 : 1; }), 0);
+    ASSERT_EQ(::chown((folder_ + "/a").c_str(), kStranger, kStranger), 0);  // its owner may replace what is in it
+    EXPECT_TRUE(refused(inner, folder_ + "/a: not a trusted folder: other users"));
 }
 
 TEST_F(TrustTest, AFolderInsideOfAnotherUsersIsRefused) {
