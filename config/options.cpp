@@ -102,6 +102,11 @@ std::vector<std::string> Options::differing_keys(const Options& other) const {
 
 namespace {
 
+// The name of an element of an array of tables.
+std::string label_of(const toml::table& element) {
+    return element["name"].value_or(element["sensor"].value_or(std::string()));
+}
+
 void add_lost(const toml::table& now, const toml::table& before, const std::string& where, std::vector<std::string>& lost) {
     for (const auto& [key, was] : before) {
         const toml::node* const is = now.get(key.str());
@@ -111,14 +116,16 @@ void add_lost(const toml::table& now, const toml::table& before, const std::stri
         } else if (is->is_table() && was.is_table()) {
             add_lost(*is->as_table(), *was.as_table(), name + ".", lost);
         } else if (is->is_array_of_tables() && was.is_array_of_tables()) {
-            const toml::array &here = *is->as_array(), &there = *was.as_array();
-            for (std::size_t i = 0; i < there.size(); ++i) {
-                const toml::table& one = *there[i].as_table();
-                const std::string element = fmt::format("{} {}", name, in_quotes(one["name"].value_or(std::to_string(i))));
-                if (i >= here.size())
-                    lost.push_back(element);
+            for (const toml::node& element : *was.as_array()) {
+                const std::string label = label_of(*element.as_table());
+                const auto same = [&](const toml::node& other) { return label_of(*other.as_table()) == label; };
+                const toml::array& here = *is->as_array();
+                const auto found = std::find_if(here.begin(), here.end(), same);
+                const std::string where_it_was = fmt::format("{} {}", name, in_quotes(label));
+                if (found == here.end())
+                    lost.push_back(where_it_was);
                 else
-                    add_lost(*here[i].as_table(), one, element + ": ", lost);
+                    add_lost(*found->as_table(), *element.as_table(), where_it_was + ": ", lost);
             }
         }
     }

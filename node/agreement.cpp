@@ -21,8 +21,7 @@ bool is_comparable(const tactiled_sample& s) noexcept {
 }  // namespace
 
 void Agreement::succeed(const Agreement& before) noexcept {
-    compared_with_ = before.compared_with_;
-    differs_ = before.differs_;
+    if (other() == before.other()) differs_ = before.differs_;
 }
 
 // Returns true if the condition has lasted since `since_ns` for as long as the patience; the first time, or a time
@@ -33,10 +32,6 @@ bool Agreement::has_lasted(std::uint64_t& since_ns, std::uint64_t now_ns) const 
 }
 
 bool Agreement::compare(const tactiled_sample& mine, const tactiled_sample& others) noexcept {
-    if (other() != compared_with_) {
-        *this = Agreement(*pair_);
-        compared_with_ = other();
-    }
     if ((others.reasons & kCulprit) == 0)
         guilty_since_ns_ = 0;
     else if (has_lasted(guilty_since_ns_, mine.t_ns))

@@ -30,7 +30,6 @@ private:
     [[nodiscard]] std::uint64_t patience_ns() const noexcept { return std::uint64_t(pair_->agree_ms) * 1'000'000u; }
 
     const PairSettings* pair_;
-    int compared_with_ = -1;  // the sensor of the result
     bool differs_ = false;
     std::uint64_t compared_ns_ = 0;         // time of the last possible comparison
     std::uint64_t otherwise_since_ns_ = 0;  // since then all comparisons contradict differs_; 0 = they do not

@@ -17,26 +17,24 @@ namespace tactiled {
 
 class LinkAge {
 public:
-    // The keys of a sensor by which the age of its stream is judged.
-    struct Tuning {
-        double rate_Hz = 0, rate_tolerance = 0.2;
-        int stale_ms = 100;
-        bool operator==(const Tuning&) const = default;
-        [[nodiscard]] StreamAge begun() const {
-            return StreamAge(rate_Hz, rate_tolerance, std::uint64_t(stale_ms) * 1'000'000u);
-        }
+    // The declared rate of a device, 0 = none, and the accepted deviation as a fraction of it.
+    struct Rate {
+        double Hz = 0, tolerance = 0.2;
+        bool operator==(const Rate&) const = default;
     };
     // Adds a sensor that reads `device`. setup
-    void add(std::uint16_t device, const Tuning& tuning) { devices_.push_back(std::make_unique<Device>(device, tuning)); }
-    // Takes over the tunings of `fresh`, which has the same devices: the age of a stream whose tuning differs is proved
-    // anew, from its next frame on. setup: from another thread than judge()
-    void retune(const LinkAge& fresh) {
+    void add(std::uint16_t device, const Rate& rate, std::uint64_t stale_ns) {
+        devices_.push_back(std::make_unique<Device>(device, rate, stale_ns));
+    }
+    // Takes over the rates of `fresh`, which has the same devices. Each holds from the next frame on, and the link may be
+    // opened again soon. setup: from another thread than judge()
+    void retune(LinkAge& fresh) noexcept {
         for (std::size_t i = 0; i < devices_.size(); ++i) {
             Device& device = *devices_[i];
-            const Tuning& tuning = fresh.devices_[i]->tunings.back();
-            if (tuning == device.tunings.back()) continue;
-            device.tunings.push_back(tuning);
-            device.wanted.store(&device.tunings.back(), std::memory_order_release);  // pairs with judge()
+            std::list<Rate>& rates = fresh.devices_[i]->rates;
+            if (rates.back() == device.rates.back()) continue;
+            device.rates.splice(device.rates.end(), rates);
+            device.wanted.store(&device.rates.back(), std::memory_order_release);  // pairs with judge()
         }
     }
 
@@ -50,11 +48,11 @@ public:
             for (auto& each : devices_) each->age.open(driver.route(), opened_ns_);
         }
         for (auto& each : devices_) {
-            const Tuning* const wanted = each->wanted.load(std::memory_order_acquire);
+            const Rate* const wanted = each->wanted.load(std::memory_order_acquire);
             if (wanted == each->in_force) continue;
             each->in_force = wanted;
-            each->age = wanted->begun();
-            each->age.open(driver.route(), opened_ns_);
+            each->age.set_rate(wanted->Hz, wanted->tolerance);
+            pace_ = {};
         }
         frame.age = Frame::Age::proved;
         frame.late_ns = 0;
@@ -97,11 +95,12 @@ public:
 
 private:
     struct Device {
-        Device(std::uint16_t n, const Tuning& tuning) : number(n), tunings{tuning}, age(tuning.begun()) {}
+        Device(std::uint16_t n, const Rate& rate, std::uint64_t stale_ns)
+            : number(n), rates{rate}, age(rate.Hz, rate.tolerance, stale_ns) {}
         std::uint16_t number;
-        std::list<Tuning> tunings;  // each stays, because the link's thread may read it
-        std::atomic<const Tuning*> wanted{&tunings.back()};
-        const Tuning* in_force = &tunings.back();
+        std::list<Rate> rates;  // each stays, because the link's thread may read it
+        std::atomic<const Rate*> wanted{&rates.back()};
+        const Rate* in_force = &rates.back();
         StreamAge age;
         std::atomic<std::uint32_t> proof{0};  // written by the link's thread, read by the pipeline
     };

@@ -99,7 +99,7 @@ std::uint32_t StreamQuality::find_frozen(std::span<const double> raw, std::uint3
         if (limit.after != 0 && equal_[k] >= limit.after && last_frame_ns_ - moved_ns_[k] >= limit.ns) {
             frozen_ |= 1u << k;
             moved_[k] = 0;
-        } else if (moved_[k] >= kAliveAfter) {
+        } else if (limit.after == 0 || moved_[k] >= kAliveAfter) {
             frozen_ &= ~(1u << k);
         }
     }

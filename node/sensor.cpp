@@ -316,7 +316,9 @@ void Sensor::set(const SensorSettable& settable) noexcept {
 
 void Sensor::retune(Sensor& other) noexcept {
     static_assert(std::is_nothrow_swappable_v<Tuning>);
+    const int compared_with = agreement_.other();
     std::swap(*tuning_, *other.tuning_);
+    if (agreement_.other() != compared_with) agreement_ = Agreement(tuning_->pair);
     set_delay();
     set(requested_);
 }

@@ -64,7 +64,7 @@ private:
         if (tuning_->thermometer_frozen_after != 0 && equal_ >= tuning_->thermometer_frozen_after) {
             frozen_ = true;
             moved_ = 0;
-        } else if (moved_ >= kAliveAfter) {
+        } else if (tuning_->thermometer_frozen_after == 0 || moved_ >= kAliveAfter) {
             frozen_ = false;
         }
         return frozen_;

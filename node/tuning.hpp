@@ -1,6 +1,5 @@
-// The settings of a sensor that a reload may exchange while it runs. The sensor holds one Tuning and its parts point to it,
-// so that there is one copy of each value: a new key is a member of SensorTuning and an entry of its table
-// (config/sensor.cpp).
+// The settings of a sensor that a reload may exchange while it runs. The sensor holds one Tuning, and its parts point to it
+// instead of keeping copies: a new key is a member of SensorTuning and an entry of its table (config/sensor.cpp).
 #pragma once
 #include <array>
 #include <cstdint>
@@ -11,7 +10,9 @@
 
 namespace tactiled {
 
-// The keys of the configuration, and what follows from them, the calibration and the driver (setup.cpp).
+// The keys of the configuration, and what follows from them, the calibration and the driver (setup.cpp). The latter is in
+// force where both are here: frozen_of for frozen_after, tare_limit_of_.. for tare_limit_N, delay_s for delay_ms,
+// thermometer_frozen_after for temperature_frozen_after, and `pair` for the keys agree_...
 struct Tuning : SensorTuning {
     std::uint64_t stale_ns = 100'000'000;  // no value if there is no frame for longer
     // A channel that repeats one number is frozen after this number of readings, if they last this long. 0 readings = never.
@@ -30,7 +31,6 @@ struct Tuning : SensorTuning {
     std::vector<double> delay_s;
 
     [[nodiscard]] std::uint64_t tare_ns() const noexcept { return std::uint64_t(tare_ms) * 1'000'000u; }
-    [[nodiscard]] std::uint64_t agree_ns() const noexcept { return std::uint64_t(pair.agree_ms) * 1'000'000u; }
 };
 
 }  // namespace tactiled

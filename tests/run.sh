@@ -27,6 +27,7 @@ aside 'build release computing_tests
     build asan address_unit_tests
     build tsan thread_unit_tests
     tests shipped release -L shipped -j "$jobs"'
+tests/system/isolated.sh
 tests programs release -L system -j 5
 stage "the rest of it"
 wait_for_aside

@@ -21,7 +21,8 @@ stage() { # NAME: ends the stage before
 # Runs commands that take only what the tests of programs leave of the processor: a task of SCHED_IDLE gives way whenever another
 # one wakes up. This holds among tasks of one group. Linux makes each session a group (autogroup), in which a compiler delays the
 # kernel thread that carries the bytes of a pseudo terminal by up to 200 ms. Root therefore turns autogroup off for this run. Without
-# that right the commands run first, alone. One run at a time has the machine, because both would set autogroup.
+# that right the commands run first, alone. One run at a time
+# has the machine, because both would set autogroup; a run in another container is not seen.
 autogroup=/proc/sys/kernel/sched_autogroup_enabled
 if [ -w $autogroup ]; then
     exec 8<$autogroup
@@ -51,11 +52,11 @@ aside_ended() {
     wait "$beside" || status=$?
     beside=''
     cat build/beside.log
-    [ $status = 0 ] || { echo "run.sh: a build failed" >&2; exit 1; }
+    [ $status = 0 ] || { echo "run.sh: the work beside the tests failed, see above" >&2; exit 1; }
 }
 end() {
     local session
-    for session in $beside $running; do kill -- "-$session" 2>/dev/null || true; done
+    for session in $beside $running; do pkill -KILL -s "$session" || true; done  # compilers have groups of their own, tests ignore TERM
     [ "$autogroup_before" = 0 ] || { echo "$autogroup_before" >$autogroup; } 2>/dev/null || true
     [ -n "$result" ] || finish aborted
 }
@@ -65,7 +66,7 @@ trap 'exit 143' TERM INT HUP
 tests() { # NAME PRESET CTEST_OPTION...: once; what fails is kept with the commit and the load
     local results=$PWD/build/$1-tests.xml status=0
     ${own_session:-} ctest --test-dir "build/$2" --no-tests=error --output-on-failure --output-junit "$results" \
-        --test-output-size-passed 1000000 "${@:3}" &
+        --test-output-size-passed 1000000 "${@:3}" 8>&- 9>&- &
     running=$!
     if [ -n "${beside:-}" ]; then  # a build that fails ends the run at once
         wait -n $running "$beside" || true

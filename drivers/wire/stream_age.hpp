@@ -29,8 +29,15 @@ public:
     enum class Proof : std::uint8_t { unknown, polled, direct, clock, sequence, arrival };
 
     // `rate_Hz`: the declared rate of frames, 0 = none; `stale_ns`: the age at which a value cannot be used.
-    StreamAge(double rate_Hz, double rate_tolerance, std::uint64_t stale_ns)
-        : declared_ns_(rate_Hz > 0 ? 1e9 / rate_Hz : 0), tolerance_(rate_tolerance), stale_ns_(double(stale_ns)) {}
+    StreamAge(double rate_Hz, double rate_tolerance, std::uint64_t stale_ns) : stale_ns_(double(stale_ns)) {
+        set_rate(rate_Hz, rate_tolerance);
+    }
+
+    // Exchanges the declared rate. An age that is not proved, or a lag, stays until the link is opened again. rt: wait-free
+    void set_rate(double rate_Hz, double rate_tolerance) noexcept {
+        declared_ns_ = rate_Hz > 0 ? 1e9 / rate_Hz : 0;
+        tolerance_ = rate_tolerance;
+    }
 
     // Begins again for a link with this path that was opened at `opened_ns` of the host's time, 0 = not known. rt:
     // wait-free
@@ -155,7 +162,7 @@ private:
     }
 
     Route route_;
-    double declared_ns_, tolerance_, stale_ns_;
+    double declared_ns_ = 0, tolerance_ = 0, stale_ns_;
     Proof proof_ = Proof::unknown;
     AgeBound bound_;
     bool has_clock_ = false, is_unproved_ = false, is_reopened_ = false, has_frame_ = false;

@@ -276,8 +276,8 @@ def _open_folder(path):
         for i in range(len(names) + 1):
             status = os.fstat(fd)
             wrong = None
-            is_shared = i < len(names) and status.st_uid == 0 and bool(status.st_mode & stat.S_ISVTX)
-            if status.st_mode & _WRITABLE and not is_shared:
+            is_shared = bool(status.st_mode & _WRITABLE)
+            if is_shared and (i == len(names) or status.st_uid or not status.st_mode & stat.S_ISVTX):
                 wrong = "other users than its owner can write to it"
             elif in_shared and status.st_uid not in (0, os.geteuid()):
                 wrong = "another user than root or you made it, where any user can make one"

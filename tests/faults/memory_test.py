@@ -152,8 +152,8 @@ class NoMemory(unittest.TestCase):
     def test_a_reload_changes_all_or_nothing(self):
         self.d.start()
         wait_for(self.is_good, 5, "good samples")
-        text = self.d.config.read_text()
-        both = [text, text.replace('name = "left"', 'name = "left"\ncontact_on_N = 0.2').replace("friction = 0.7", "friction = 0.6")]
+        text = self.d.config.read_text().replace('name = "left"', 'name = "left"\ncontact_on_N = 0.2\nrate_Hz = 200')
+        both = [text, text.replace("contact_on_N = 0.2", "contact_on_N = 0.3").replace("rate_Hz = 200", "rate_Hz = 201").replace("friction = 0.7", "friction = 0.6")]
         turn = 1
         self.d.config.write_text(both[turn])
         self.page.refuse(0, 0, first_thread=True)

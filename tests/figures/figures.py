@@ -129,7 +129,7 @@ def check(sections, figures, results):
             yield f"{name} was measured with another command"
         elif figure.kind != "absolute" or (entry["idle"] and entry["machine"] == results["machine"]):
             yield from filter(None, [judge.fault(figure, entry["value"])])
-    yield from (f"{name} was measured with changes that are in no commit" for name, entry in results["figures"].items() if entry["commit"].endswith("+"))
+    yield from (f"{name} was measured with changes that are in no commit" for name, entry in results["figures"].items() if entry["commit"].endswith("+") or entry["commit"] == "unknown")
     yield from (f"results.json has {name}, the table has not" for name in results["figures"] if name not in figures)
     yield from page.faults(sections, figures, results)
 

@@ -156,6 +156,11 @@ class Pages(unittest.TestCase):
             if store.git("rev-parse", "HEAD"):
                 self.assertIn(words, page.origin(long, self.results["figures"]["a.b"]))
 
+    def test_a_value_of_no_commit_fails_the_check(self):
+        for commit in ("1234567+", "unknown"):
+            self.results["figures"]["a.b"]["commit"] = commit
+            self.assertIn("a.b was measured with changes that are in no commit", list(figures.check(self.sections, self.figures, self.results)))
+
     def test_a_value_that_is_missing_or_outside_fails_the_check(self):
         self.results["figures"]["a.b"]["value"] = 7
         self.assertIn("outside", " ".join(figures.check(self.sections, self.figures, self.results)))

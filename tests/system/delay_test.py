@@ -202,9 +202,13 @@ class Depths(Witnessed):
             for fields, one in zip(FIELDS[1:], of_each(chains, lambda chain: chain.watch(4))):
                 self.assert_young(one, (fields, "before"))
             for chain in chains:
+                config = chain.daemon.config
+                config.write_text(config.read_text().replace("rate_Hz = 100", "rate_Hz = 100\nrate_tolerance = 0.25"))
                 chain.daemon.process.send_signal(signal.SIGHUP)
             for fields, one in zip(FIELDS[1:], of_each(chains, lambda chain: chain.watch(3))):
                 self.assert_young(one, (fields, "after the reload"))
+            for chain in chains:
+                self.assertIn("SIGHUP: changed", chain.daemon.log())
 
     def test_a_device_whose_firmware_keeps_bytes_while_the_process_is_stopped(self):
         """As on a USB port: the firmware's buffer waits until the host reads again."""

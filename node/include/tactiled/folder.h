@@ -95,8 +95,8 @@ static inline int tactiled_open_folder(const char* folder, uid_t* owner, char* w
             errno = error;
             return -1;
         }
-        is_shared = length != 0 && status.st_uid == 0 && (status.st_mode & S_ISVTX) != 0;
-        if ((status.st_mode & (S_IWGRP | S_IWOTH)) != 0 && !is_shared)
+        is_shared = (status.st_mode & (S_IWGRP | S_IWOTH)) != 0;
+        if (is_shared && (length == 0 || status.st_uid != 0 || (status.st_mode & S_ISVTX) == 0))
             wrong = "other users than its owner can write to it";
         else if (in_shared && status.st_uid != 0 && status.st_uid != geteuid())
             wrong = "another user than root or you made it, where any user can make one";

@@ -398,5 +398,17 @@ TEST(OptionsFile, MayBeEmptyOrJustSmallEnough) {
     EXPECT_TRUE(problems.empty());
 }
 
+TEST(Options, KeysThatAFileHasLostAreNamedWithTheirTables) {
+    Problems problems;
+    const auto parse = [&](const std::string& text) { return Options::parse_text(text, "t.toml", problems); };
+    const Options before = parse(
+        "[grasp]\nfriction = 1\nmargin = 2\n[[grasp.jaw]]\nsensor = 'a'\nshare = 1\n"
+        "[[sensor]]\nname = 'a'\nfilter_hz = 5\n[[sensor]]\nname = 'b'\ntare_ms = 50\n[shm]\n");
+    EXPECT_EQ(before.lost_keys(before), std::vector<std::string>{});
+    const Options now = parse("[grasp]\nfriction = 1\n[[grasp.jaw]]\nsensor = 'a'\n[[sensor]]\nname = 'b'\nadded = 1\n");
+    EXPECT_EQ(now.lost_keys(before), (std::vector<std::string>{"grasp.jaw \"a\": share", "grasp.margin", "sensor \"a\"",
+                                                               "sensor \"b\": tare_ms", "shm"}));
+}
+
 }  // namespace
 }  // namespace tactiled

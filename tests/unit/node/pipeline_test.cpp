@@ -40,7 +40,7 @@ TEST_F(PipelineTest, RefusesTheNewestWhenTheLoopIsLateAndTellsHowMany) {
 
 TEST_F(PipelineTest, ALinkWhoseAgeIsNotProvedIsOpenedAgainOnceAndThenLessOften) {
     const std::uint64_t ms = 1'000'000;
-    links_[0]->age.add(0, {100, 0.2, 100});
+    links_[0]->age.add(0, {100, 0.2}, 100 * ms);
     driver_[0]->way = {.path = Route::Path::network, .reopening_discards = true};
     std::uint64_t t_ns = monotonic_ns() - 30'000 * ms;
     std::uint32_t sequence = 0;

@@ -153,16 +153,18 @@ TEST(ReloadKeys, EachKeyThatAReloadMayChangeActsAsAfterARestart) {
             if (table.name() != "sensor" || key.reload != Reload::tune || key.name == kNextStart) continue;
             ASSERT_EQ(kExamples.count(key.name), 1u) << key.name << " needs an example";
             const Example& example = kExamples.at(key.name);
-            Daemon daemon(example.base);
-            daemon.start(0);
-            (void)daemon.run(0, kDayNs);
             const bool replaces = !example.base.empty() && example.other.find(example.base.substr(0, 6)) == 0;
             const std::string both = replaces ? example.other : example.base + "\n" + example.other;
-            daemon.reload(both);
-            (void)daemon.run(kDayNs, 2 * kDayNs);
-            const auto should_be = restarted(both);
-            EXPECT_EQ(difference(daemon.run(2 * kDayNs, 3 * kDayNs), should_be), "") << key.name;
-            EXPECT_NE(difference(restarted(example.base), should_be), "")
+            for (const auto& [before, after] : {std::pair{example.base, both}, {both, example.base}}) {
+                Daemon daemon(before);
+                daemon.start(0);
+                (void)daemon.run(0, kDayNs);
+                daemon.reload(after);
+                (void)daemon.run(kDayNs, 2 * kDayNs);
+                EXPECT_EQ(difference(daemon.run(2 * kDayNs, 3 * kDayNs), restarted(after)), "")
+                    << key.name << ", now " << after;
+            }
+            EXPECT_NE(difference(restarted(example.base), restarted(both)), "")
                 << key.name << " changes no sample: another example";
         }
 }
