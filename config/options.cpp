@@ -102,9 +102,10 @@ std::vector<std::string> Options::differing_keys(const Options& other) const {
 
 namespace {
 
-// The name of an element of an array of tables.
+// The name of an element of an array of tables; [[link.device]] has a number.
 std::string label_of(const toml::table& element) {
-    return element["name"].value_or(element["sensor"].value_or(std::string()));
+    const std::string number = std::to_string(element["device"].value_or(std::int64_t(0)));
+    return element["name"].value_or(element["sensor"].value_or(number));
 }
 
 void add_lost(const toml::table& now, const toml::table& before, const std::string& where, std::vector<std::string>& lost) {

@@ -405,6 +405,9 @@ TEST(Options, KeysThatAFileHasLostAreNamedWithTheirTables) {
         "[grasp]\nfriction = 1\nmargin = 2\n[[grasp.jaw]]\nsensor = 'a'\nshare = 1\n"
         "[[sensor]]\nname = 'a'\nfilter_hz = 5\n[[sensor]]\nname = 'b'\ntare_ms = 50\n[shm]\n");
     EXPECT_EQ(before.lost_keys(before), std::vector<std::string>{});
+    const Options devices =
+        parse("[[link]]\nname = 'can'\n[[link.device]]\ndevice = 1\ndbc = 'a'\n[[link.device]]\ndevice = 2\nid = 5\n");
+    EXPECT_EQ(devices.lost_keys(devices), std::vector<std::string>{});
     const Options now = parse("[grasp]\nfriction = 1\n[[grasp.jaw]]\nsensor = 'a'\n[[sensor]]\nname = 'b'\nadded = 1\n");
     EXPECT_EQ(now.lost_keys(before), (std::vector<std::string>{"grasp.jaw \"a\": share", "grasp.margin", "sensor \"a\"",
                                                                "sensor \"b\": tare_ms", "shm"}));
