@@ -62,10 +62,10 @@ inline const std::vector<ChipKind>& chip_kinds() {
 }
 
 // Returns the first kind with that name.
-inline const ChipKind& kind_of(const std::string& name) {
+inline const ChipKind& kind_of(std::string_view name) {
     for (const ChipKind& kind : chip_kinds())
         if (kind.name == name) return kind;
-    throw std::out_of_range(name);
+    throw std::out_of_range(std::string(name));
 }
 
 class ModelSelector final : public Selector {
