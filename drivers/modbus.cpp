@@ -3,7 +3,8 @@
 //
 // libmodbus is not used here. It reads an answer in one blocking call. When that call ends in time for the link's
 // thread, the bytes received so far are lost; libmodbus also waits for the length that a foreign message declares.
-// README.md names the tests that it fails.
+// It fails the tests Slave.AnAnswerInPiecesIsWaitedForByReadsThatReturnInTime and
+// Slave.AServerThatClosesOrSpeaksSomethingElseIsDisconnected.
 //
 // Late answers. Over TCP a transaction number identifies them. An RTU answer has only unit, function and length. A
 // request without a good answer therefore makes its unit doubtful, and a doubtful unit is first asked for a number of
