@@ -16,11 +16,11 @@ METHODS = sys.argv[2:] or ("generic/matrix generic/quadratic generic/rbf generic
                            "table/map hair/sum_diff hair/matrix hair/physics capacitive/quadratic capacitive/ratio capacitive/overlap "
                            "piezo/fused").split()
 MOST = 3
-STATED = {  # bounds that the methods' pages state, in instructions
-    "table/linear": 2000,  # looking for a dead gauge: decoupling/table/README.md
+STATED = {  # bounds that README.md states, in instructions
+    "table/linear": 2000,  # looking for a dead gauge
     "table/matrix": 2200,  # likewise
-    "table/map": 14e6,  # nine searches of the plate: decoupling/table/README.md
-    "capacitive/overlap": 2e5,  # eight steps over clipped edges: decoupling/capacitive/README.md
+    "table/map": 14e6,  # nine searches of the plate
+    "capacitive/overlap": 2e5,  # eight steps over clipped edges
 }
 
 
