@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Do two builds give the same results?
 
-    tests/same_results.py BASE_BIN NEW_BIN [--within 1e-15] [--only fits,forces,recordings,registers,texts] [--keep FOLDER]
+    tests/same_results.py BASE_BIN NEW_BIN [--within 1e-15] [--only fits,forces,recordings,registers,grasps,texts] [--keep FOLDER]
 
-Compares calibrations, forces, replayed recordings and register dumps bit for bit, and lists differences of texts. The exit status
+Compares calibrations, forces, replayed recordings, register dumps and grasps bit for bit, and lists differences of texts. The exit status
 is 1 where a result differs by more than --within of full scale. Method auto of `decouple` is left out: it measures times.
 """
 import argparse
@@ -17,10 +17,10 @@ sys.dont_write_bytecode = True
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE / "system"), str(HERE / "scenes")]
 
-from same import daemons, numbers, texts  # noqa: E402
+from same import daemons, grasps, numbers, texts  # noqa: E402
 from same.outcome import Outcome  # noqa: E402
 
-PARTS = ("fits", "forces", "recordings", "registers", "texts")
+PARTS = ("fits", "forces", "recordings", "registers", "grasps", "texts")
 
 
 def print_table(outcomes, seconds):
@@ -64,6 +64,9 @@ def main():
         if "recordings" in parts or "registers" in parts:
             daemons.compare(base, new, parts, outcome)
             print(f"daemons: {time.monotonic() - begun:.0f} s", flush=True)
+        if "grasps" in parts:
+            grasps.compare(base, new, folder, pool, outcome)
+            print(f"grasps: {time.monotonic() - begun:.0f} s", flush=True)
         if "texts" in parts:
             texts.compare(base, new, folder, outcome)
     print_table(outcomes, time.monotonic() - begun)

@@ -38,7 +38,8 @@ struct Outcome {
 bool same(const double* a, const double* b, std::size_t n) { return std::memcmp(a, b, n * sizeof *a) == 0; }
 
 // Returns "" or the first part that differs. `raw_only`: the input of a tare or a filter is not in the file.
-std::string difference(const tactiled_sample& was, const tactiled_sample& is, bool raw_only) {
+// `from_the_start`: else the noise that the sd takes into account was measured on frames before those of the file.
+std::string difference(const tactiled_sample& was, const tactiled_sample& is, bool raw_only, bool from_the_start) {
     const bool zero_lost = (was.reasons & TACTILED_ZERO_UNKNOWN) != 0;  // caused by a restart, which is not repeated here
     const std::uint32_t of_the_moment = TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED | TACTILED_SENSORS_DIFFER |
                                         TACTILED_UNPROVED_AGE | TACTILED_ARRIVAL_ONLY | TACTILED_ZERO_UNKNOWN |
@@ -52,7 +53,9 @@ std::string difference(const tactiled_sample& was, const tactiled_sample& is, bo
     if (was.missing != is.missing || was.saturated != is.saturated) return "channels";
     if (!same(was.raw_force_S_N, is.raw_force_S_N, 3)) return "raw_force_S_N";
     if (!same(was.raw_torque_S_Nm, is.raw_torque_S_Nm, 3)) return "raw_torque_S_Nm";
-    if (!zero_lost && (!same(was.sd_force_N, is.sd_force_N, 3) || !same(was.sd_torque_Nm, is.sd_torque_Nm, 3))) return "sd";
+    if (from_the_start && !zero_lost &&
+        (!same(was.sd_force_N, is.sd_force_N, 3) || !same(was.sd_torque_Nm, is.sd_torque_Nm, 3)))
+        return "sd";
     if (!same(was.cop_S_m, is.cop_S_m, 2)) return "cop_S_m";
     if (!same(&was.residual, &is.residual, 1)) return "residual";
     if (was.device_sequence != is.device_sequence || TACTILED_DIRECTION(was.state) != TACTILED_DIRECTION(is.state))
@@ -172,9 +175,9 @@ private:
         if (!was) return;
         last_epoch_[i] = was->epoch;
         ++outcome.compared;
-        const bool raw_only =
-            was->tare_count != 0 || (!published.from_the_start(i) && (was->state & TACTILED_LOW_PASS) != 0);
-        const std::string what = difference(*was, is, raw_only);
+        const bool from_the_start = published.from_the_start(i);
+        const bool raw_only = was->tare_count != 0 || (!from_the_start && (was->state & TACTILED_LOW_PASS) != 0);
+        const std::string what = difference(*was, is, raw_only, from_the_start);
         if (what.empty() && raw_only) ++outcome.raw_only;
         if (what.empty())
             ++outcome.equal;

@@ -7,6 +7,7 @@
 //   grasp_bench figure [SESSIONS [SEED]]     CSV of error against time after lift-off, and decoupling/grasp/weight.svg
 //   grasp_bench faults [GRASPS [SEED [JAWS]]]   damaged jaws, wrong set-ups, motion: STABLE although wrong; GRASPS of each
 //   kind grasp_bench faults-development [N [SEED]]   the same with the objects, presses and shares of development
+//   grasp_bench log [SESSIONS [SEED]]      CSV of every grasp and of its weight each 10 ms, to the last bit
 //   grasp_bench check                        a few of each against their limits; status 1 where one is not kept
 #include <fmt/format.h>
 
@@ -256,6 +257,22 @@ bool check() {
     return kept;
 }
 
+// For a comparison of two builds: {} prints the shortest text that reads as the same number.
+void print_log(int sessions, std::uint64_t seed) {
+    fmt::print(
+        "object,sensed,mass_kg,stable_after_s,stable_kg,stable_sd_kg,object_id,probability,lift_off_error_s,shown,leak,"
+        "grasped,lifted,opened");
+    for (std::size_t i = 0; i < kMoments; ++i) fmt::print(",kg_{0},sd_kg_{0},state_{0}", i);
+    fmt::print("\n");
+    for (const Outcome& o : weigh(seed, sessions, 1, {})) {
+        fmt::print("{},{},{},{},{},{},{},{},{},{},{},{},{},{}", o.object, o.sensed, o.mass_kg, o.stable_after_s,
+                   o.first_stable.mass_kg, o.first_stable.sd_kg, o.object_id, o.probability, o.lift_off_error_s, o.shown,
+                   o.clamped_leak, int(o.grasped), int(o.lifted), int(o.opened));
+        for (const Moment& m : o.after) fmt::print(",{},{},{}", m.mass_kg, m.sd_kg, int(m.state));
+        fmt::print("\n");
+    }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -274,11 +291,13 @@ int main(int argc, char** argv) {
         else if (mode == "faults" || mode == "faults-development")
             print_faults(n > 0 ? n : 50, seed, mode == "faults" ? Objects::judging : Objects::development,
                          argc > 4 ? unsigned(std::atoi(argv[4])) : 0);
+        else if (mode == "log")
+            print_log(n > 0 ? n : 2, seed);
         else if (mode == "check")
             return check() ? 0 : 1;
         else
             return fmt::print(stderr,
-                              "usage: grasp_bench weigh | slip | transport | figure | faults [N [SEED]], or check\n"),
+                              "usage: grasp_bench weigh | slip | transport | figure | faults | log [N [SEED]], or check\n"),
                    2;
     } catch (const SetupError& e) { return fmt::print(stderr, "{}\n", e.what()), 1; }
 }
