@@ -25,7 +25,8 @@
 namespace tactiled {
 namespace {
 
-constexpr int kLookMs = 100;       // longest delay of stop()
+constexpr int kLookMs = 1000;      // between two looks for refused tares
+constexpr int kPatienceMs = 100;   // with a client, and without descriptors
 constexpr int kAnswerMs = 15'000;  // longer than the longest tare
 constexpr std::uint64_t kLogEachNs = 10'000'000'000;
 
@@ -99,7 +100,7 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
     std::string unused;
     // The name of the node belongs to this daemon, but another node may have been given this path. A daemon without
     // the lock is an older one, or another user has put a file in the place of the lock.
-    if (lock_.take(0) == LockFile::State::busy || !ask_daemon(path, "?", kLookMs, unused).empty())
+    if (lock_.take(0) == LockFile::State::busy || !ask_daemon(path, "?", kPatienceMs, unused).empty())
         throw SetupError(
             fmt::format("control socket {}: another daemon uses it; give each daemon its own [node] control", path));
     struct stat there {};
@@ -128,6 +129,7 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
 
 ControlSocket::~ControlSocket() {
     stop_.store(true);
+    ::shutdown(listener_, SHUT_RDWR);  // ends the wait of the thread
     thread_.join();
     if (asker_ >= 0) ::close(asker_);
     ::close(listener_);
@@ -140,20 +142,20 @@ void ControlSocket::serve() noexcept {
         const bool asked = wait_readable(listener_, asker_ >= 0 ? 1 : kLookMs);
         if (asker_ >= 0) follow();
         log_refused_tares();
-        if (!asked) continue;
+        if (!asked || stop_.load()) continue;
         const int client = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
         if (client >= 0) try {
                 take(client);
             } catch (const std::exception&) { ::close(client); }  // no memory: the request is not answered
         else
-            sleep_until(monotonic_ns() + std::uint64_t(kLookMs) * 1'000'000u);  // out of descriptors: avoids a busy loop
+            sleep_until(monotonic_ns() + std::uint64_t(kPatienceMs) * 1'000'000u);  // out of descriptors: avoids a busy loop
     }
 }
 
-// Handles one client's request. A client that sends nothing within kLookMs is dropped.
+// Handles one client's request. A client that sends nothing within kPatienceMs is dropped.
 void ControlSocket::take(int client) {
     char request[128];
-    const ssize_t size = wait_readable(client, kLookMs) ? ::recv(client, request, sizeof request, 0) : 0;
+    const ssize_t size = wait_readable(client, kPatienceMs) ? ::recv(client, request, sizeof request, 0) : 0;
     if (has_hung_up(client)) {  // it has given up, for example because this process was stopped: the command is not wanted
         ::close(client);
         return;

@@ -7,7 +7,6 @@ namespace {
 
 constexpr std::uint64_t kMs = 1'000'000, kSecond = 1000 * kMs;
 constexpr std::uint64_t kHeartbeatNs = 100 * kMs;
-constexpr std::uint64_t kNodeRecordNs = 10 * kMs;  // minimum rate, so that readers see that the loop is alive
 
 template <typename Bit>
 std::uint32_t bit_if(bool on, Bit bit) noexcept {
@@ -48,10 +47,14 @@ void NodeRecord::follow_faults(std::uint64_t now_ns, const Tares& tares) noexcep
     seen_ = 0;
 }
 
+bool NodeRecord::is_delivering() const noexcept {
+    return std::any_of(sensors_.begin(), sensors_.end(), [](const Sensor& s) { return s.is_delivering(); });
+}
+
 void NodeRecord::beat(std::uint64_t now_ns) noexcept {
     if (now_ns - heartbeat_ns_ < kHeartbeatNs) return;
     heartbeat_ns_ += (now_ns - heartbeat_ns_) / kHeartbeatNs * kHeartbeatNs;
-    if (std::none_of(sensors_.begin(), sensors_.end(), [](const Sensor& s) { return s.is_delivering(); })) return;
+    if (!is_delivering()) return;
     ++node_.heartbeat;
     has_news_ = true;
 }
@@ -66,10 +69,11 @@ void NodeRecord::account(std::uint64_t cycle_ns, std::uint64_t missed) noexcept 
     worst_ns_ = 0;
 }
 
-bool NodeRecord::is_due(std::uint64_t now_ns) const noexcept { return has_news_ || now_ns - node_.t_ns >= kNodeRecordNs; }
+bool NodeRecord::is_due(std::uint64_t now_ns) const noexcept { return has_news_ || now_ns - node_.t_ns >= period_ns_; }
 
 std::uint64_t NodeRecord::deadline_ns() const noexcept {
-    return std::min(node_.t_ns + kNodeRecordNs, heartbeat_ns_ + kHeartbeatNs);
+    const std::uint64_t record_ns = node_.t_ns + period_ns_;
+    return is_delivering() ? std::min(record_ns, heartbeat_ns_ + kHeartbeatNs) : record_ns;
 }
 
 void NodeRecord::publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp,

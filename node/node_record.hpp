@@ -22,7 +22,11 @@ public:
     // `status` holds bits that never change while the daemon runs: SIMULATED. setup
     NodeRecord(const std::vector<std::unique_ptr<Link>>& links, const std::vector<Sensor>& sensors, SegmentWriter& segment,
                std::uint32_t status)
-        : links_(links), sensors_(sensors), segment_(segment), fixed_status_(status) {}
+        : links_(links),
+          sensors_(sensors),
+          segment_(segment),
+          period_ns_(std::min<std::uint64_t>(100, std::max(1u, segment.watchdog_ms() * 2 / 5)) * 1'000'000),
+          fixed_status_(status) {}
     // Adds such bits, before the loop only.
     void add_status(std::uint32_t bits) noexcept { fixed_status_ |= bits; }
     // Makes a latched fault clear itself when its cause has been absent for this time, 0 = never. Before the loop
@@ -61,14 +65,16 @@ public:
     // Shows or hides the warning that the last reload was refused. rt: wait-free; from any thread
     void set_reload_refused(bool refused) noexcept { reload_refused_.store(refused, std::memory_order_relaxed); }
 
-    // Returns true if something is new since the last record, or that record is 10 ms old. rt: wait-free
+    // Returns true if something is new since the last record, or that record is old. rt: bounded by the number of sensors
     [[nodiscard]] bool is_due(std::uint64_t now_ns) const noexcept;
-    // Returns the time of the next record or heartbeat if nothing is new until then. rt: wait-free
+    // Returns the time of the next record or heartbeat if nothing is new until then. rt: bounded by the number of
+    // sensors
     [[nodiscard]] std::uint64_t deadline_ns() const noexcept;
     // rt: bounded by the number of sensors and links
     void publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp, const tactiled_tool& tool) noexcept;
 
 private:
+    [[nodiscard]] bool is_delivering() const noexcept;
     void latch(std::uint32_t faults) noexcept {
         node_.fault |= faults;
         seen_ |= faults;
@@ -82,6 +88,8 @@ private:
     const std::vector<std::unique_ptr<Link>>& links_;
     const std::vector<Sensor>& sensors_;
     SegmentWriter& segment_;
+    // Longest time between two records: two of them fit into the time after which readers consider the daemon dead.
+    std::uint64_t period_ns_;
     std::uint32_t fixed_status_;
     std::atomic<bool> reload_refused_{false};
 

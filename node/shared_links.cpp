@@ -6,7 +6,8 @@
 namespace tactiled {
 namespace {
 constexpr std::uint64_t kJudgeNs = 100'000'000;
-constexpr std::uint64_t kLookForStopNs = 50'000'000;
+constexpr std::uint64_t kLookForStopNs = 50'000'000;  // while another thread reads the link
+constexpr std::uint64_t kIdleNs = 500'000'000;        // between two evaluations while no link is shared
 }  // namespace
 
 Status read_link(Link& link, SegmentWriter& segment, Pipeline& pipeline, int timeout_ms) noexcept {
@@ -59,7 +60,9 @@ void SharedLinks::judge(std::uint64_t now_ns) noexcept {
 void SharedLinks::run(Progress::Liveness& cycles, const std::atomic<bool>& stop) noexcept {
     std::uint64_t next_ns = monotonic_ns();
     bool polls = false;
-    while (!stop.load(std::memory_order_acquire)) {
+    for (;;) {
+        const std::uint32_t seen = end_.value();
+        if (stop.load(std::memory_order_acquire)) return;
         if (polls) {
             const Armed armed;
             bool any = false;
@@ -72,10 +75,13 @@ void SharedLinks::run(Progress::Liveness& cycles, const std::atomic<bool>& stop)
         judge(now_ns);
         // once more after the end, so that the links are given back
         polls = was_active || active_.load(std::memory_order_relaxed);
-        const std::uint64_t period_ns = polls ? kPollNs : kLookForStopNs;
+        const std::uint64_t period_ns = polls ? kPollNs : kIdleNs;
         next_ns += period_ns;
         if (next_ns <= now_ns) next_ns = now_ns + period_ns;  // skips missed polls
-        sleep_until(next_ns);
+        if (polls)
+            sleep_until(next_ns);
+        else
+            (void)end_.sleep(seen, next_ns);
     }
 }
 

@@ -9,6 +9,7 @@
 
 #include "node/pipeline.hpp"
 #include "node/progress.hpp"
+#include "node/wake_word.hpp"
 
 namespace tactiled {
 
@@ -34,8 +35,10 @@ public:
     // device has disconnected. Called by the link's own thread, which counts its liveness meanwhile. rt: blocks
     [[nodiscard]] bool share(Link& link, Progress::Liveness& cycles, const std::atomic<bool>& stop) noexcept;
 
-    // Runs the shared thread: judges the rate, and reads the links that were left to it, until `stop` is set.
+    // Runs the shared thread: judges the rate, and reads the links that were left to it, until `stop` is set and wake() is
+    // called.
     void run(Progress::Liveness& cycles, const std::atomic<bool>& stop) noexcept;
+    void wake() noexcept { end_.wake(); }
 
 private:
     static constexpr std::uint64_t kFastNs = 5'000'000;  // a link with longer intervals costs few wake-ups
@@ -47,6 +50,7 @@ private:
     SegmentWriter& segment_;
     Pipeline& pipeline_;
     std::atomic<bool> active_{false};
+    WakeWord end_;
     std::uint64_t judged_ns_ = 0, reads_ = 0;  // at the last evaluation
 };
 

@@ -11,7 +11,7 @@
 namespace tactiled {
 namespace {
 
-constexpr int kReadTimeoutMs = 50;  // longest time for which a silent device keeps its thread from noticing stop()
+constexpr int kReadTimeoutMs = 250;  // longest time for which a silent device keeps its thread from noticing stop()
 constexpr int kMinPauseMs = 50, kMaxPauseMs = 1000;
 constexpr std::uint64_t kPipelineNs = 50'000'000;  // a pipeline that finishes no cycle for this time, and its period, hangs
 constexpr std::uint64_t kRunnerNs = 100'000;       // time in which another thread finishes a cycle
@@ -115,7 +115,7 @@ std::vector<std::string> Threads::start() {
         if (node_.links.size() > 1)
             add("links", std::max(1, wanted.priority - 2),
                 [this, cycles = watched("the thread of several links", link_ns)] { shared_.run(*cycles, stop_); });
-        add("waker", 0, [this] { waker_.run(stop_); });
+        add("waker", 0, [this] { waker_.run(); });
         if (!refused.empty() && wanted.required)
             throw SetupError(fmt::format("[realtime] required = true, but {}", refused.front()));
     } catch (...) {
@@ -129,6 +129,9 @@ std::vector<std::string> Threads::start() {
 
 void Threads::stop() noexcept {
     stop_.store(true, std::memory_order_release);
+    waker_.stop();
+    shared_.wake();
+    pipeline_.wake();
     threads_.clear();  // joins
 }
 
@@ -206,7 +209,6 @@ void Threads::run_pipeline(std::uint64_t period_ns, Progress::Liveness& wakes) n
     pipeline_.open();
     Breather breather;
     WakeWord& word = pipeline_.wake_word();
-    std::uint64_t grid_ns = monotonic_ns() + period_ns;  // at each of these times, and at the pipeline's own deadlines
     while (!stop_.load(std::memory_order_acquire)) {
         const std::uint32_t seen = word.value();
         bool served;
@@ -216,16 +218,13 @@ void Threads::run_pipeline(std::uint64_t period_ns, Progress::Liveness& wakes) n
         }
         wakes.count();
         breather.cycle();
-        std::uint64_t until_ns = std::min(grid_ns, pipeline_.deadline_ns());
+        std::uint64_t until_ns = std::min(monotonic_ns() + period_ns, pipeline_.deadline_ns());
         // The runner may be a thread of lower priority on this CPU: without a sleep it would never finish.
         if (!served) until_ns = std::max(until_ns, monotonic_ns() + kRunnerNs);
         if (!word.sleep(seen, until_ns)) continue;
-        const std::uint64_t now_ns = monotonic_ns();
-        segment_.count_lateness(now_ns - std::min(now_ns, until_ns));
-        if (now_ns < grid_ns) continue;
-        const std::uint64_t missed = (now_ns - grid_ns) / period_ns;
-        pipeline_.add_missed(missed);
-        grid_ns += (missed + 1) * period_ns;  // returns to the grid, without a burst
+        const std::uint64_t now_ns = monotonic_ns(), late_ns = now_ns - std::min(now_ns, until_ns);
+        segment_.count_lateness(late_ns);
+        pipeline_.add_missed(late_ns / period_ns);
     }
 }
 

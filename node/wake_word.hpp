@@ -11,6 +11,9 @@
 
 namespace tactiled {
 
+// A time that is not reached.
+inline constexpr std::uint64_t kNever_ns = std::uint64_t(INT64_MAX);
+
 class WakeWord {
 public:
     // Returns the value to pass to sleep(). Read it before looking for work: a wake in between is then not lost. rt:

@@ -9,8 +9,7 @@
 namespace tactiled {
 namespace {
 // short compared with WatchdogSec: the last feeding may follow the hang by this much
-constexpr std::uint64_t kLookNs = 20'000'000;
-constexpr std::uint64_t kFeedNs = 200'000'000;
+constexpr std::uint64_t kLookNs = 250'000'000;
 }  // namespace
 
 Watchdog::Watchdog(Progress& progress) : progress_(progress) {
@@ -20,19 +19,19 @@ Watchdog::Watchdog(Progress& progress) : progress_(progress) {
 
 Watchdog::~Watchdog() {
     stop_.store(true);
+    end_.wake();
     thread_.join();
 }
 
 void Watchdog::run() noexcept {
     std::string_view said;
-    std::uint64_t fed_ns = 0, stuck_ns = 0;
-    while (!stop_.load()) {
+    std::uint64_t stuck_ns = 0;
+    for (;;) {
+        const std::uint32_t seen = end_.value();
+        if (stop_.load()) return;
         const std::uint64_t now_ns = monotonic_ns();
         const std::string_view stuck = progress_.look(now_ns);
-        if (stuck.empty() && timeout_us_ != 0 && now_ns - fed_ns >= kFeedNs) {
-            ::sd_notify(0, "WATCHDOG=1");
-            fed_ns = now_ns;
-        }
+        if (stuck.empty() && timeout_us_ != 0) ::sd_notify(0, "WATCHDOG=1");
         if (stuck != said) {
             if (stuck.empty())
                 log_line(LogLevel::warning, "{}: responds again", said);
@@ -46,7 +45,7 @@ void Watchdog::run() noexcept {
         }
         // Systemd's own timer is up to 250 ms late; it serves daemons that cannot even do this.
         if (!stuck.empty() && timeout_us_ != 0 && now_ns - stuck_ns > timeout_us_ * 900) ::sd_notify(0, "WATCHDOG=trigger");
-        sleep_until(now_ns + kLookNs);
+        (void)end_.sleep(seen, now_ns + kLookNs);
     }
 }
 

@@ -6,6 +6,7 @@
 
 #include "node/progress.hpp"
 #include "node/realtime.hpp"
+#include "node/wake_word.hpp"
 
 namespace tactiled {
 
@@ -22,6 +23,7 @@ private:
     Progress& progress_;
     std::uint64_t timeout_us_ = 0;  // 0: there is no watchdog
     std::atomic<bool> stop_{false};
+    WakeWord end_;
     RtThread thread_;
 };
 

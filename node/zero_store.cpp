@@ -24,7 +24,6 @@ namespace {
 
 constexpr std::int64_t kFormat = 2;
 constexpr std::size_t kMaxBytes = 1 << 20, kMaxKept = 256;
-constexpr std::uint64_t kLookNs = 10'000'000;      // between two checks for an order
 constexpr std::uint64_t kRetryNs = 1'000'000'000;  // after a write that failed
 constexpr char kInstalled[] = "/var/lib/tactiled";
 
@@ -83,6 +82,7 @@ ZeroStore::ZeroStore(ZeroFiles files, std::vector<ZeroOwner> owners)
 
 ZeroStore::~ZeroStore() {
     stop_.store(true);
+    work_.wake();
     thread_.join();
 }
 
@@ -180,7 +180,10 @@ void ZeroStore::add(std::uint32_t sensor, const Sensor& of, const TaredZero& zer
 std::uint32_t ZeroStore::commit() noexcept {
     orders_.commit();
     const bool refused = std::exchange(refused_, false);
-    if (std::exchange(has_added_, false)) ++number_;
+    if (std::exchange(has_added_, false)) {
+        ++number_;
+        work_.wake();
+    }
     return refused ? 0 : number_;
 }
 
@@ -189,6 +192,7 @@ std::uint32_t ZeroStore::commit() noexcept {
 void ZeroStore::serve() noexcept {
     std::uint64_t again_ns = 0;
     for (;;) {
+        const std::uint32_t seen = work_.value();
         const bool stops = stop_.load();
         std::uint32_t number = 0;
         try {
@@ -208,7 +212,7 @@ void ZeroStore::serve() noexcept {
         }
         if (number != 0) done_.store(number, std::memory_order_release);  // after usable_
         if (stops) return;
-        sleep_until(monotonic_ns() + kLookNs);
+        (void)work_.sleep(seen, is_usable() ? kNever_ns : again_ns);
     }
 }
 

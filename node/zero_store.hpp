@@ -15,6 +15,7 @@
 #include "node/realtime.hpp"
 #include "node/ring.hpp"
 #include "node/sensor.hpp"
+#include "node/wake_word.hpp"
 
 namespace tactiled {
 
@@ -60,7 +61,7 @@ public:
     void add(std::uint32_t sensor, const Sensor& of) noexcept;
     // The same for a zero that is about to change. rt: wait-free
     void add_change(std::uint32_t sensor, const Sensor& of) noexcept;
-    // Orders the added zeros to be written. Returns the number of this order, 0 if it cannot be taken. rt: wait-free
+    // Orders the added zeros to be written. Returns the number of this order, 0 if it cannot be taken. rt: one system call
     [[nodiscard]] std::uint32_t commit() noexcept;
     // Returns true if order `number` was written or has failed; is_usable() says which. rt: wait-free
     [[nodiscard]] bool is_done(std::uint32_t number) const noexcept {
@@ -97,6 +98,7 @@ private:
     bool refused_ = false;                // there was no room for an order of the present number
     std::atomic<std::uint32_t> done_{1};  // the first number
     std::atomic<bool> usable_{false}, stop_{false};
+    WakeWord work_;  // wakes the thread of the store
     RtThread thread_;
 };
 

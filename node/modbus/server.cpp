@@ -19,7 +19,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::uint64_t kTickNs = 50'000'000;  // longest delay of stop() and of time limits
+constexpr std::uint64_t kTickNs = 250'000'000;  // longest delay of time limits
 constexpr std::uint64_t kAnyTime = ~std::uint64_t(0);
 // A command that waited for so long while the process or the machine stood still is not carried out: its sender has given
 // up.
@@ -63,6 +63,8 @@ ModbusServer::ModbusServer(std::string node_name, const ModbusSettings& settings
 
 ModbusServer::~ModbusServer() {
     stop_.store(true);
+    const itimerspec now{{}, {0, 1}};
+    ::timerfd_settime(ticks_, 0, &now, nullptr);  // ends the wait of the thread
     thread_.join();
     clients_.clear();
     stop_listening();

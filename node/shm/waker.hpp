@@ -23,8 +23,12 @@ public:
         word_.wake();
     }
 
-    // Wakes the others, in the thread that calls it, until `stop` is set; it notices `stop` after at most 0.1 s.
-    void run(const std::atomic<bool>& stop) noexcept;
+    // Wakes the others, in the thread that calls it, until stop() is called.
+    void run() noexcept;
+    void stop() noexcept {
+        stop_.store(true, std::memory_order_relaxed);
+        word_.wake();
+    }
 
 private:
     static constexpr int kDirect = 2;      // the usual reader, and the thread that serves epoll (events.hpp)
@@ -33,6 +37,7 @@ private:
 
     SegmentWriter& segment_;
     std::atomic<bool> many_{false};  // more than kDirect readers slept when they were last counted
+    std::atomic<bool> stop_{false};
     WakeWord word_;
 };
 

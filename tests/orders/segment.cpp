@@ -97,13 +97,12 @@ Scenario waker(Segment& s, int readers) {
         *s.wake = TACTILED_WAKE_RECORDS;  // many sleep: the next wake is left to the thread
         waker->published();
         *s.wake = 0;
-        auto stop = run.make<Atomic<bool>>(false);
         run.thread([&s, waker] {
             s.publish(1);
             waker->published();
         });
         for (int i = 0; i < readers; ++i) run.thread([&s] { sleep_until_sample(s, 1, false); }, false);
-        run.thread([waker, stop] { waker->run(*stop); });
+        run.thread([waker] { waker->run(); });
         run.at_end([readers] {
             for (int i = 0; i < readers; ++i) require(!explorer().is_asleep(1 + i), "a reader sleeps for ever");
         });

@@ -20,3 +20,12 @@ def share_and_memory(pid, seconds):
     begun, at = cpu_s(pid), time.monotonic()
     time.sleep(seconds)
     return 100 * (cpu_s(pid) - begun) / (time.monotonic() - at), status(pid, "VmRSS") / 1024
+
+
+def switches(pid):
+    """How often each thread has begun to wait: {(thread id, name): number}."""
+    counts = {}
+    for task in pathlib.Path(f"/proc/{pid}/task").iterdir():
+        fields = dict(line.split(":\t") for line in (task / "status").read_text().splitlines() if ":\t" in line)
+        counts[int(task.name), fields["Name"]] = int(fields["voluntary_ctxt_switches"])
+    return counts

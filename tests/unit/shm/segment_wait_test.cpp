@@ -40,8 +40,7 @@ TEST_F(SegmentTest, ManyReadersAreWokenAFewAtATimeAndEachGetsEverySample) {
     writer.set_state(TACTILED_RUNNING);
     beat(writer, 0);
     Waker waker(writer);
-    std::atomic<bool> stop{false};
-    std::thread thread([&] { waker.run(stop); });
+    std::thread thread([&] { waker.run(); });
     std::atomic<int> complete{0};
     std::vector<std::thread> readers;
     for (int i = 0; i < kReaders; ++i)
@@ -64,7 +63,7 @@ TEST_F(SegmentTest, ManyReadersAreWokenAFewAtATimeAndEachGetsEverySample) {
         ::usleep(5'000);
     }
     for (auto& reader : readers) reader.join();
-    stop = true;
+    waker.stop();
     thread.join();
     EXPECT_EQ(complete, kReaders);
 }

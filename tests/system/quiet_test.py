@@ -1,0 +1,71 @@
+#!/usr/bin/env python3
+"""A daemon whose devices are silent waits for work: at most 30 wake-ups a second and 0.5 % of a processor.
+Prints the wake-ups by thread."""
+import os
+import pathlib
+import sys
+import time
+import tty
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+from daemon import Daemon, ROOT, wait_for  # noqa: E402
+from process_costs import cpu_s, switches  # noqa: E402
+
+MAX_WAKEUPS_PER_S, MAX_CPU_PERCENT = 30, 0.5
+QUIET_S = 5.5  # after this silence a serial port is waited for without slices
+LINK = """
+[[link]]
+name = "usb-{0}"
+driver = "uart"
+device = "{{folder}}/{0}"
+baud = 921600
+format = "cobs"
+
+[[sensor]]
+name = "{0}"
+link = "usb-{0}"
+model = "table"
+calibration = "ROOT/config/calibration/table_documents.toml"
+"""
+
+
+class Quiet(unittest.TestCase):
+    def measure(self, devices, seconds=10):
+        """Prints and returns (wake-ups per second, per cent of a processor) of a daemon with silent devices."""
+        config = "".join(LINK.format(name) for name in devices).replace("ROOT", str(ROOT))
+        ends = []
+        with Daemon(config) as daemon:
+            for name in devices:
+                master, slave = os.openpty()
+                tty.setraw(slave)
+                (daemon.folder / name).symlink_to(os.ttyname(slave))
+                ends += [master, slave]
+            daemon.start()
+            wait_for(lambda: daemon.log().count(": open") == len(devices), 5, "the links")
+            time.sleep(QUIET_S)
+            pid = daemon.process.pid
+            before, cpu_before, at = switches(pid), cpu_s(pid), time.monotonic()
+            time.sleep(seconds)
+            took_s = time.monotonic() - at
+            after, cpu = switches(pid), 100 * (cpu_s(pid) - cpu_before) / took_s
+            status, stop_s = daemon.stop()
+        for end in ends:
+            os.close(end)
+        rates = {f"{name} {thread}": (count - before.get((thread, name), 0)) / took_s for (thread, name), count in after.items()}
+        total = sum(rates.values())
+        print(f"{len(devices)} silent devices: {total:.1f} wake-ups/s, {cpu:.2f} % CPU, stopped in {stop_s * 1000:.0f} ms")
+        print("  " + ", ".join(f"{name.split()[0]} {rate:.1f}" for name, rate in rates.items() if rate > 0.05))
+        self.assertEqual(status, 0)
+        return total, cpu
+
+    def test_with_one_and_two_silent_devices(self):
+        for devices in (["left"], ["left", "right"]):
+            with self.subTest(devices=devices):
+                wakeups, cpu = self.measure(devices)
+                self.assertLessEqual(wakeups, MAX_WAKEUPS_PER_S)
+                self.assertLessEqual(cpu, MAX_CPU_PERCENT)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
