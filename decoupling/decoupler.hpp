@@ -40,19 +40,23 @@ struct TemperatureInUse {
 
 struct Estimate {
     Wrench wrench_S = kUnseen;
-    Wrench sd = kUnseen;  // one standard deviation
-    tactiled_quality quality = TACTILED_BAD;
+    Wrench sd = kUnseen;                        // one standard deviation
+    bool has_value = false;                     // else wrench_S is NaN
     std::uint32_t reasons = 0;                  // enum tactiled_reason
     double residual = kNaN;                     // difference from the model, in standard deviations of the channels
     std::array<double, 2> cop_S_m{kNaN, kNaN};  // place of the force on the surface, for methods that find it
     std::uint32_t direction = 0;                // method "signs": row of the decision table, 0 = none or not this method
+
+    [[nodiscard]] tactiled_quality quality() const noexcept {
+        return tactiled_quality(tactiled_verdict(reasons, has_value));
+    }
 };
 
 class Decoupler {
 public:
     virtual ~Decoupler() = default;
 
-    // Returns for any bits in `reading` a finite wrench with its quality, or BAD with NaN.
+    // Returns for any bits in `reading` a finite wrench with the reasons to doubt it, or no value.
     // rt: wait-free
     [[nodiscard]] virtual Estimate decouple(const Reading& reading) noexcept = 0;
 

@@ -27,7 +27,7 @@ public:
 
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept override {
         Estimate estimate = inner_->decouple(reading);
-        if (estimate.quality == TACTILED_BAD || reading.missing != 0 || reading.channel.size() != n_) return estimate;
+        if (!estimate.has_value || reading.missing != 0 || reading.channel.size() != n_) return estimate;
         const double* const channel = reading.channel.data();
         // A NaN is not greater: a channel that this method does not use is missing.
         double ratio = distance_squared(channel) * per_limit_squared_;
@@ -35,7 +35,6 @@ public:
             if (const double curved = curved_->squared(channel); curved > ratio) ratio = curved;
         if (!(ratio > 1)) [[likely]]
             return estimate;
-        estimate.quality = TACTILED_UNCERTAIN;
         estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
         const double factor = std::min(kMaxFactor, std::sqrt(ratio));
         for (double& sd : estimate.sd) sd *= factor;

@@ -207,8 +207,7 @@ private:
             used.channel = {x, n_};
         }
         Estimate estimate = inner_->decouple(used);
-        if (estimate.quality == TACTILED_BAD) return estimate;
-        estimate.quality = TACTILED_UNCERTAIN;
+        if (!estimate.has_value) return estimate;
         estimate.reasons |= TACTILED_DISAGREEMENT;
         bool is_known = false;
         for (std::size_t c = 0; c < estimate.sd.size(); ++c) {

@@ -50,14 +50,11 @@ public:
         const double t_C = reading.temperature_C;
         const bool is_known = is_fitted_ && std::isfinite(t_C);
         Estimate estimate = is_known ? at_reference_temperature(reading) : inner_->decouple(reading);
-        if (estimate.quality == TACTILED_BAD) return estimate;
+        if (!estimate.has_value) return estimate;
         widen(is_known ? measured_ : unmeasured_, estimate);
         // Neither is true of a NaN.
         const bool is_beyond = t_C < lowest_C_ || t_C > highest_C_;
-        if (is_beyond) {
-            estimate.quality = TACTILED_UNCERTAIN;
-            estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
-        }
+        if (is_beyond) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
         return estimate;
     }
     void forget() noexcept override { inner_->forget(); }
@@ -107,7 +104,6 @@ private:
             estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
         }
         if (term.is_large) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
-        if (term.is_large || !term.is_known) estimate.quality = TACTILED_UNCERTAIN;
     }
 
     // Change of the wrench from half of `step_K` below to half of it above the reading `at`, per kelvin; of all channels, or

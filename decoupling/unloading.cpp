@@ -16,7 +16,7 @@ public:
     }
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept override {
         Estimate estimate = inner_->decouple(reading);
-        if (estimate.quality == TACTILED_BAD) {
+        if (!estimate.has_value) {
             peak_.forget();
             return estimate;
         }

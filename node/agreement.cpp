@@ -5,17 +5,14 @@
 namespace tactiled {
 namespace {
 
-// Reasons that a correct sample may have.
-constexpr std::uint32_t kRight = TACTILED_SENSORS_DIFFER | TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED |
-                                 TACTILED_ARRIVAL_ONLY | TACTILED_UNCALIBRATED | TACTILED_UNKNOWN_UNCERTAINTY;
-
 // Reasons that show that this sensor was the wrong one. Saturation is not among them: a force that is too large for
 // one sensor does not show an error of the other.
 constexpr std::uint32_t kCulprit =
     TACTILED_FROZEN | TACTILED_IDLE_BUS | TACTILED_MISSING_CHANNEL | TACTILED_NOT_FINITE | TACTILED_WRONG_DEVICE;
 
 bool is_comparable(const tactiled_sample& s) noexcept {
-    return (s.quality == TACTILED_GOOD || s.quality == TACTILED_UNCERTAIN) && (s.reasons & ~kRight) == 0;
+    return (s.quality == TACTILED_GOOD || s.quality == TACTILED_UNCERTAIN) &&
+           (s.reasons & ~std::uint32_t(TACTILED_REASONS_FOR_COMPARE)) == 0;
 }
 
 }  // namespace

@@ -12,6 +12,12 @@ namespace {
 
 constexpr double kMaxWindow_ms = 1000;  // memory of the estimator; the register accepts up to 10 s
 
+// A force with an unknown zero must not be used for grasping, weighing or a sum.
+tactiled_quality quality_of(const tactiled_sample& s) noexcept {
+    const bool has_value = s.quality != TACTILED_BAD && (s.reasons & TACTILED_ZERO_UNKNOWN) == 0;
+    return tactiled_quality(tactiled_verdict(s.reasons, has_value));
+}
+
 }  // namespace
 
 Grasping::Grasping(const std::optional<Setup>& setup, const std::optional<tool::Setup>& tool) {
@@ -38,10 +44,8 @@ void Grasping::observe(std::uint32_t sensor, const tactiled_sample& s, const Wre
     if (jaw < 0) return;
     grasp::JawSample observed;
     observed.t_ns = s.t_ns;
-    observed.quality = tactiled_quality(s.quality);
+    observed.quality = quality_of(s);
     observed.reasons = s.reasons;
-    // A force with an unknown zero must not be used for grasping or weighing.
-    if ((s.reasons & TACTILED_ZERO_UNKNOWN) != 0) observed.quality = TACTILED_BAD;
     const std::uint32_t method = TACTILED_METHOD(s.state), before = methods_seen_[sensor];  // 0: BAD, or not "auto"
     if (method != 0) methods_seen_[sensor] = method;
     const bool another_method = method != 0 && before != 0 && method != before;
@@ -49,14 +53,12 @@ void Grasping::observe(std::uint32_t sensor, const tactiled_sample& s, const Wre
         // Forces before and after a new zero, or of two methods, are not comparable: their difference is not an event
         // of the grasp.
         grasp::JawSample moved = observed;
-        moved.quality = TACTILED_BAD;
         moved.reasons |= TACTILED_TARING;
+        moved.quality = tactiled_quality(tactiled_verdict(moved.reasons, false));
         estimator_->sample(std::size_t(jaw), moved);
     }
     // The error of such a value is unknown, so no weight that is computed from it is stable.
-    constexpr std::uint32_t kDoubts =
-        TACTILED_STEPPED | TACTILED_SENSORS_DIFFER | TACTILED_UNPROVED_AGE | TACTILED_ARRIVAL_ONLY;
-    const bool doubted = (s.reasons & kDoubts) != 0;
+    const bool doubted = (s.reasons & ~std::uint32_t(TACTILED_REASONS_FOR_WEIGHT)) != 0;
     for (std::size_t i = 0; i < 3; ++i) {
         observed.force_S_N[i] = s.raw_force_S_N[i] - zero_S[i];  // not the low-passed one: a slip lasts some ms
         observed.sd_N[i] = doubted ? kNaN : s.sd_force_N[i];
@@ -67,8 +69,7 @@ void Grasping::observe(std::uint32_t sensor, const tactiled_sample& s, const Wre
 void Grasping::observe_tool(std::size_t index, const tactiled_sample& s, const Wrench& zero_S) noexcept {
     tool::Sample observed;
     observed.t_ns = s.t_ns;
-    observed.quality = tactiled_quality(s.quality);
-    if ((s.reasons & TACTILED_ZERO_UNKNOWN) != 0) observed.quality = TACTILED_BAD;  // its zero is not known
+    observed.quality = quality_of(s);
     observed.tare_count = s.tare_count;
     observed.taring = (s.reasons & TACTILED_TARING) != 0;
     observed.tare_S = zero_S;

@@ -10,7 +10,6 @@ namespace {
 constexpr std::uint64_t kTimedEvery = 8;
 
 void put(const Estimate& e, tactiled_sample& s) noexcept {
-    s.quality = std::uint32_t(e.quality);
     s.reasons = e.reasons;
     s.residual = e.residual;
     s.state |= (e.direction & 31u) << 8;
@@ -39,11 +38,14 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     tactiled_sample s = next_sample(frame.t_ns, now_ns);
     s.device_sequence = frame.has_sequence ? frame.sequence : 0;
     s.rate_Hz = stream_.rate_Hz();
-    put(estimate(frame, s), s);
+    const Estimate e = estimate(frame, s);
+    put(e, s);
     s.epoch = epoch();  // after the estimate: a channel that froze begins a new epoch
     judge_age(frame.age, s);
+    tactiled_put_verdict(&s, e.has_value);
     follow_tare(s);
     judge_zero(s);
+    tactiled_put_verdict(&s, e.has_value);
     judge_latency(s);
     // A value that was doubtful, because of saturation for instance, must not contribute to a GOOD one.
     if (s.quality == TACTILED_BAD || (s.quality == TACTILED_GOOD && own_quality_ == TACTILED_UNCERTAIN)) low_pass_.reset();
@@ -65,7 +67,6 @@ inline void Sensor::judge_age(Frame::Age age, tactiled_sample& s) const noexcept
         return;
     }
     s.reasons |= TACTILED_UNPROVED_AGE;
-    if (s.quality == TACTILED_GOOD) s.quality = TACTILED_UNCERTAIN;
 }
 
 // A frame that is older than stale_ms has no value, as if it had not arrived.
@@ -123,8 +124,6 @@ Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
     // The reason of a dead channel is FROZEN or IDLE_BUS. MISSING_CHANNEL is a separate cause.
     if (dead != 0 && is_complete) estimate.reasons &= ~std::uint32_t(TACTILED_MISSING_CHANNEL);
     estimate.reasons |= of_stream;
-    const bool is_doubtful = (of_stream & ~std::uint32_t(TACTILED_WRONG_RATE)) != 0;  // a wrong rate does not affect a value
-    if (is_doubtful && estimate.quality == TACTILED_GOOD) estimate.quality = TACTILED_UNCERTAIN;
     return estimate;
 }
 
@@ -168,7 +167,7 @@ Estimate Sensor::decouple(const Reading& reading) noexcept {
     const Estimate estimate = setup_.automatic->decouple(reading);
     const std::uint64_t ns = setup_.clock_ns() - begun_ns;
     // BAD returns early and would be timed too short
-    if (estimate.quality != TACTILED_BAD) setup_.automatic->took(ns, reading.t_ns);
+    if (estimate.has_value) setup_.automatic->took(ns, reading.t_ns);
     return estimate;
 }
 
@@ -207,7 +206,6 @@ inline void Sensor::follow_tare(tactiled_sample& s) noexcept {
 void Sensor::judge_zero(tactiled_sample& s) const noexcept {
     if (zero_.is_known(method_) || s.quality == TACTILED_BAD) return;
     if (zero_.is_lost()) s.reasons |= TACTILED_ZERO_UNKNOWN;
-    s.quality = TACTILED_UNCERTAIN;
     s.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
     for (std::size_t i = 0; i < 3; ++i) s.sd_force_N[i] = s.sd_torque_Nm[i] = kNaN;
 }
@@ -265,7 +263,7 @@ const tactiled_sample& Sensor::compare(const tactiled_sample& others) noexcept {
     }
     if (!differs || last_.quality == TACTILED_BAD) return last_;
     last_.reasons |= TACTILED_SENSORS_DIFFER;
-    last_.quality = TACTILED_UNCERTAIN;
+    tactiled_put_verdict(&last_, true);
     return last_;
 }
 

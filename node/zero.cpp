@@ -6,9 +6,6 @@
 namespace tactiled {
 namespace {
 
-constexpr std::uint32_t kMayHave = TACTILED_TARING | TACTILED_UNKNOWN_UNCERTAINTY | TACTILED_OUTSIDE_DOMAIN |
-                                   TACTILED_UNCALIBRATED | TACTILED_WRONG_RATE | TACTILED_DRIFTED | TACTILED_SENSORS_DIFFER |
-                                   TACTILED_ZERO_UNKNOWN;
 // A zero that a method computes from one reading, without a past, must have a known uncertainty.
 constexpr std::uint32_t kOtherMayHave = TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
 // beyond the averaging time: a tare of a slow or stopped sensor fails
@@ -24,7 +21,7 @@ Wrench seen_or_0(const Wrench& wrench) noexcept {
 }  // namespace
 
 bool Zero::can_be_zero(const tactiled_sample& s) noexcept {
-    return s.quality != TACTILED_BAD && (s.reasons & ~kMayHave) == 0;
+    return s.quality != TACTILED_BAD && (s.reasons & ~std::uint32_t(TACTILED_REASONS_FOR_ZERO)) == 0;
 }
 
 void Zero::begin_tare(std::uint64_t now_ns) noexcept {
@@ -119,7 +116,7 @@ void Zero::find_other(AutoMethod& automatic, std::size_t method, std::size_t n_c
     reading.channel = {mean.data(), n_channels};
     reading.t_ns = end_ns_;
     const Estimate e = automatic.decouple_anew(i, reading);
-    if (e.quality == TACTILED_BAD || (e.reasons & ~kOtherMayHave) != 0) return;
+    if (!e.has_value || (e.reasons & ~kOtherMayHave) != 0) return;
     of_method_[i] = seen_or_0(e.wrench_S);
     unknown_ &= ~(1u << i);
 }

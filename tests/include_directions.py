@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""The directions of includes and of names. A model that includes a driver fails here, and so does code that compares with the
-name of a driver, chip, serial format, model, method or fit outside that name's own files (entry_names.py)."""
+"""The directions of includes and of names, and the one place of the verdict. A model that includes a driver fails here, and so does code that compares with the
+name of a driver, chip, serial format, model, method or fit outside that name's own files (entry_names.py). Code that chooses
+a quality instead of computing it from reasons fails, too."""
 import pathlib
 import re
 import sys
@@ -29,6 +30,9 @@ EXCEPTIONS = {
                                    "ratio overlap fused rbf mlp", "the plan of a study: which scene calibrates and judges which method"),
 }
 MAX_EXCEPTIONS = 10
+VERDICT = "node/include/tactiled/layout.h"  # the only file that chooses a quality; BAD is safe
+QUALITY_WRITTEN = re.compile(r"\b\w*quality\w*(?:\[\w+\])?\s*(?:=(?!=)|\{)\s*([^;]*)")
+QUALITY_COPIED = re.compile(r"\bquality|verdict\(")  # from another value, or computed
 
 
 def sources(root):
@@ -71,9 +75,19 @@ def name_errors(root, exceptions):
         yield f'tests/include_directions.py: the exception for "{name}" in {file} is no longer needed'
 
 
+def quality_errors(root):
+    for name in sources(root):
+        for number, line in enumerate((root / name).read_text().splitlines(), 1):
+            found = QUALITY_WRITTEN.search(line.split("//")[0])
+            chosen = found and re.search(r"TACTILED_(GOOD|UNCERTAIN)\b", found[1])
+            if name != VERDICT and chosen and not QUALITY_COPIED.search(found[1]):
+                yield f"{name}:{number}: chooses a quality; add a reason, and tactiled_verdict() computes it ({VERDICT})"
+
+
 def main(root=ROOT, exceptions=None):
     root = pathlib.Path(root)
-    errors = [*include_errors(root), *name_errors(root, EXCEPTIONS if exceptions is None else exceptions)]
+    errors = [*include_errors(root), *name_errors(root, EXCEPTIONS if exceptions is None else exceptions),
+              *quality_errors(root)]
     print("\n".join(errors))
     return 1 if errors else 0
 

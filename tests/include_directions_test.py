@@ -137,6 +137,21 @@ class Names(unittest.TestCase):
         self.assertIn("drivers/b.cpp:1: may not include decoupling/decoupler.hpp", errors[0])
         self.assertIn("drivers/b.cpp:2: toml++/toml.h belongs in config/", errors[1])
 
+    def test_a_quality_is_computed(self):
+        for code in ("s.quality = TACTILED_GOOD;", "Sample s{.quality = TACTILED_UNCERTAIN};", "s.quality = ok ? TACTILED_GOOD : 0;",
+                     "std::uint32_t quality{TACTILED_GOOD};", "out.sensor_quality[n] = TACTILED_GOOD;"):
+            with self.subTest(code):
+                self.write("node/a.cpp", code)
+                self.assertIn("node/a.cpp:1: chooses a quality", "".join(self.errors()))
+        for code in ("s.quality = TACTILED_BAD;", "if (s.quality == TACTILED_GOOD) return;", "s.quality = other.quality;",
+                     "s.quality = tactiled_verdict(s.reasons, has_value);", "out = s.quality == TACTILED_GOOD ? bit : 0u;"):
+            with self.subTest(code):
+                self.write("node/a.cpp", code)
+                self.assertEqual(self.errors(), [])
+        self.write("node/a.cpp", "")
+        self.write("node/include/tactiled/layout.h", "tool->quality = TACTILED_GOOD;")
+        self.assertEqual(self.errors(), [])
+
 
 if __name__ == "__main__":
     unittest.main()

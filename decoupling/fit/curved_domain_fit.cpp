@@ -188,7 +188,7 @@ Harmful harmful_damage(const Rows& rows, const Calibration& calibration) {
                 const std::size_t at = component_index(calibration.components[c]);
                 is_harmful = is_harmful || std::abs(off.wrench_S[at] - sound[at]) > kHarm * calibration.full_scale[c];
             }
-            if (is_harmful && off.quality == TACTILED_GOOD) harmful.readings.push_back(std::move(channel));
+            if (is_harmful && off.quality() == TACTILED_GOOD) harmful.readings.push_back(std::move(channel));
         }
     }
     return harmful;

@@ -68,7 +68,7 @@ private:
     void step() {
         t_ns_ += kStep_ns;
         for (std::size_t j = 0; j < setup_.jaws.size(); ++j) {
-            JawSample sample{.t_ns = t_ns_, .quality = TACTILED_GOOD};
+            JawSample sample{.t_ns = t_ns_, .quality = tactiled_quality(tactiled_verdict(0, true))};
             const Vector load{mass_kg_ * carried_[j].shear_S[0], mass_kg_ * carried_[j].shear_S[1], -press_N_};
             for (std::size_t i = 0; i < 3; ++i) {
                 sample.sd_N[i] = std::hypot(accuracy_[j].sd_N[i], accuracy_[j].sd_slope[i] * load[i]);

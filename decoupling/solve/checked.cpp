@@ -64,7 +64,7 @@ Estimate CheckedModel::decouple(const Reading& reading) noexcept {
         solve(input, estimate);
         check_components(input, estimate);
     }
-    if (estimate.quality == TACTILED_BAD) forget();
+    if (!estimate.has_value) forget();
     return estimate;
 }
 
@@ -117,7 +117,7 @@ inline void CheckedModel::check_components(const Input& input, Estimate& estimat
         return;
     }
     estimate.reasons |= always_ | (outside ? std::uint32_t(TACTILED_OUTSIDE_DOMAIN) : 0u);
-    estimate.quality = estimate.reasons == 0 ? TACTILED_GOOD : TACTILED_UNCERTAIN;
+    estimate.has_value = true;
     if ((estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0) return;
     if (!can_be_squared) [[unlikely]] {
         for (std::size_t i = 0; i < n_seen_; ++i)

@@ -146,8 +146,7 @@ Tool::Turned Tool::turned(const Sensor& sensor, const Vector& pull_G, double unk
     if (carries && !is_known(pull_G)) out.why |= TACTILED_TOOL_GRAVITY;
     if (carries && tared && !is_known(sensor.tare_gravity_G)) out.why |= TACTILED_TOOL_TARE;
     if (out.why != 0) return out;
-    out.quality = sensor.last.quality;
-    if (out.quality != TACTILED_GOOD) out.why |= TACTILED_TOOL_DOUBTED;
+    if (sensor.last.quality != TACTILED_GOOD) out.why |= TACTILED_TOOL_DOUBTED;
 
     const auto part = [](const std::array<double, 6>& six, Eigen::Index from) {
         return Vector3(six[std::size_t(from)], six[std::size_t(from + 1)], six[std::size_t(from + 2)]);
@@ -196,7 +195,7 @@ Tool::Turned Tool::turned(const Sensor& sensor, const Vector& pull_G, double unk
 tactiled_tool Tool::state() const noexcept {
     tactiled_tool out{};
     if (sensors_.empty()) return out;
-    out.quality = TACTILED_BAD;
+    out.quality = tactiled_tool_verdict(TACTILED_TOOL_SENSOR);
     tactiled_forget_tool(&out);
     Vector pull_G = gravity_known_ ? gravity_G_ : Vector{kNaN, kNaN, kNaN};
     const bool reported = reports_acceleration(), rests = t_ns_ >= moved_ns_ + accelerates_ns_;
@@ -206,7 +205,6 @@ tactiled_tool Tool::state() const noexcept {
     }
     const double unknown_m_s2 = reported || rests ? 0 : max_acceleration_m_s2_ / std::sqrt(3.0);
     std::array<double, 6> sum{}, variance{}, common{};
-    std::uint32_t quality = TACTILED_GOOD;
     out.t_ns = UINT64_MAX;
     for (const Sensor& sensor : sensors_) {
         const std::uint32_t n = sensor.setup.sensor;
@@ -214,11 +212,10 @@ tactiled_tool Tool::state() const noexcept {
         out.sensors |= 1u << n;
         out.why |= t.why;
         out.mass_kg += float(sensor.setup.mass_kg);
-        out.sensor_quality[n] = t.quality;
+        out.sensor_quality[n] = tactiled_tool_verdict(t.why);
         out.t_ns = std::min(out.t_ns, sensor.last.t_ns);
         out.t_newest_ns = std::max(out.t_newest_ns, sensor.last.t_ns);
-        if (t.quality == TACTILED_BAD) out.bad |= 1u << n;
-        quality = std::max<std::uint32_t>(quality, t.quality);
+        if (out.sensor_quality[n] == TACTILED_BAD) out.bad |= 1u << n;
         for (std::size_t i = 0; i < 6; ++i) {
             auto& value = i < 3 ? out.sensor_force_G_N[n][i] : out.sensor_torque_G_Nm[n][i - 3];
             auto& sd = i < 3 ? out.sensor_sd_force_N[n][i] : out.sensor_sd_torque_Nm[n][i - 3];
@@ -230,12 +227,9 @@ tactiled_tool Tool::state() const noexcept {
         }
     }
     if (out.mass_kg > 0 && unknown_m_s2 > 0) out.why |= TACTILED_TOOL_MOVES;
-    if (out.t_newest_ns > out.t_ns + kApart_ns) {
-        out.why |= TACTILED_TOOL_APART;
-        quality = std::max<std::uint32_t>(quality, TACTILED_UNCERTAIN);
-    }
-    out.quality = quality;
-    if (quality == TACTILED_BAD) return out;
+    if (out.t_newest_ns > out.t_ns + kApart_ns) out.why |= TACTILED_TOOL_APART;
+    out.quality = tactiled_tool_verdict(out.why);
+    if (out.quality == TACTILED_BAD) return out;
     for (std::size_t i = 0; i < 3; ++i) {
         out.force_G_N[i] = sum[i];
         out.torque_G_Nm[i] = sum[i + 3];

@@ -76,8 +76,7 @@ private:
         std::uint32_t changes_before = 0;         // changes of gravity before the tare that is being measured
     };
     struct Turned {
-        tactiled_quality quality = TACTILED_BAD;
-        std::uint32_t why = 0;
+        std::uint32_t why = 0;  // enum tactiled_tool_why
         std::array<double, 6> wrench_G{}, sd{};
         std::array<double, 6> common{};  // the part of sd that all sensors have in common, linear
     };

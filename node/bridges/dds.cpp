@@ -23,8 +23,7 @@ constexpr std::uint64_t kDiagnoseAtMostNs = 50'000'000;  // also where a quality
 std::uint8_t level_of(const tactiled_sample& s) {
     if (s.quality == TACTILED_GOOD) return 0;
     if (s.quality == TACTILED_UNCERTAIN) return 1;
-    constexpr std::uint32_t kOld = TACTILED_STALE | TACTILED_DAEMON_STOPPED | TACTILED_DISCONNECTED | TACTILED_NO_DATA_YET;
-    return (s.reasons & kOld) != 0 ? 3 : 2;
+    return (s.reasons & TACTILED_REASONS_OF_OLD) != 0 ? 3 : 2;
 }
 
 struct Sensor {

@@ -56,7 +56,7 @@ struct Sensor {
     Batch batch;
     Pace pace;
     Deadband deadband;
-    std::uint64_t quality = ~std::uint64_t(0);
+    std::uint64_t published = ~std::uint64_t(0);  // quality and reasons
 };
 
 class Bridge {
@@ -116,7 +116,7 @@ private:
         state_ns_ = 0;
         grasp_.clear();
         for (Sensor& sensor : sensors_) {
-            sensor.quality = ~std::uint64_t(0);
+            sensor.published = ~std::uint64_t(0);
             if (!args_.discovery.empty() && broker_.is_connected())
                 for (const auto& [topic, text] :
                      discovery(args_.discovery, topics_, follower_.segment().sensor(sensor.index)))
@@ -135,8 +135,8 @@ private:
         }
         if (batch.samples != 0) publish_batch(sensor);
         const auto quality = std::uint64_t(batch.newest.quality) << 32 | batch.newest.reasons;
-        if (batch.newest.quality == TACTILED_NO_VALUE || quality == sensor.quality || !broker_.is_connected()) return;
-        sensor.quality = quality;
+        if (batch.newest.quality == TACTILED_NO_VALUE || quality == sensor.published || !broker_.is_connected()) return;
+        sensor.published = quality;
         put(sensor.quality_topic, quality_text(batch.newest), true);
     }
 

@@ -154,20 +154,10 @@ const char* link_word(const tactiled_link& link, const Liveness& liveness) {
 }
 
 std::string remedy_lines(const std::string& name, std::uint32_t reasons) {
-    constexpr std::pair<std::uint32_t, const char*> kRemedies[] = {
-        {TACTILED_STALE,
-         "no frame for stale_ms: the device is silent, or slow, which needs a stale_ms of three of its periods"},
-        {TACTILED_FROZEN,
-         "a channel repeats one number: it is dead, or a coarse sensor rests, which needs frozen_after = 0 in its "
-         "[[sensor]]"},
-        {TACTILED_OUTSIDE_DOMAIN,
-         "a reading beyond the calibrated range, or a temperature that is not declared (tactilectl check has the line)"},
-        {TACTILED_ARRIVAL_ONLY,
-         "the age of its values is not proved, so it is not tared or weighed with: send a counter or the time, or write "
-         "accept_unproved_age = true"}};
     std::string out;
-    for (const auto& [reason, remedy] : kRemedies)
-        if ((reasons & reason) != 0) out += fmt::format("{}: {}\n", name, remedy);
+    for (std::size_t bit = 0; bit < kReasonTexts.size(); ++bit)
+        if ((reasons >> bit & 1u) != 0)
+            out += fmt::format("{}: {}; remedy: {}\n", name, kReasonTexts[bit].meaning, kReasonTexts[bit].remedy);
     return out;
 }
 

@@ -2,10 +2,13 @@
 // part of this header that the laboratory's program (node/lab) links, too.
 #pragma once
 #include <array>
+#include <bit>
 #include <csignal>
 #include <cstdint>
 #include <functional>
 #include <string>
+
+#include "tactiled/layout.h"
 
 namespace tactiled::ctl {
 
@@ -40,12 +43,23 @@ void add_check(Command program, Run& run);
 
 // ---- shared by several verbs ----
 
-// Words of the reasons, from bit 0 on.
-inline constexpr std::array<const char*, 23> kReasonWords{
-    "no-data-yet",    "stale",          "disconnected", "missing-channel", "saturated",   "disagreement",
-    "outside-domain", "uncalibrated",   "not-finite",   "stopped",         "taring",      "reader-overrun",
-    "wrong-device",   "sd-unknown",     "frozen",       "stepped",         "idle-bus",    "wrong-rate",
-    "drifted",        "sensors-differ", "unproved-age", "arrival-only",    "zero-unknown"};
+// The texts of a reason (layout.h), from bit 0 on.
+struct ReasonText {
+    const char *word = "", *meaning = "", *remedy = "";
+};
+inline constexpr auto kReasonTexts = [] {
+    std::array<ReasonText, 23> texts{};
+#define TACTILED_TEXT_(reason, word, best, fault, constant, use, meaning, remedy) \
+    texts[std::size_t(std::countr_zero(unsigned(TACTILED_##reason)))] = {word, meaning, remedy};
+    TACTILED_REASON_TABLE(TACTILED_TEXT_)
+#undef TACTILED_TEXT_
+    return texts;
+}();
+inline constexpr auto kReasonWords = [] {
+    std::array<const char*, kReasonTexts.size()> words{};
+    for (std::size_t bit = 0; bit < words.size(); ++bit) words[bit] = kReasonTexts[bit].word;
+    return words;
+}();
 // Returns "good", "uncertain", "bad" or "no-value"; with reasons after a colon: "uncertain:saturated", as in
 // forces.csv.
 std::string quality_text(std::uint32_t quality, std::uint32_t reasons);

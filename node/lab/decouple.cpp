@@ -62,21 +62,21 @@ public:
         }
         end();
         for (std::size_t c = 0; c < zero_S_.size(); ++c) estimate.wrench_S[c] -= zero_S_[c];
-        forces_.write(t_s, estimate, quality_text(estimate.quality, estimate.reasons));
+        forces_.write(t_s, estimate, quality_text(estimate.quality(), estimate.reasons));
     }
 
     void end() {
         if (std::exchange(ended_, true) || waiting_.empty()) return;
         const auto has = [&](std::uint8_t quality) {
             return std::count_if(waiting_.begin(), waiting_.end(),
-                                 [&](const auto& row) { return row.second.quality == quality; });
+                                 [&](const auto& row) { return row.second.quality() == quality; });
         };
         const std::uint8_t best = has(TACTILED_GOOD) != 0 ? TACTILED_GOOD : TACTILED_UNCERTAIN;
         const auto n = double(has(best));
         if (n == 0) throw SetupError(fmt::format("--tare-s {:g}: every force of this time is BAD", duration_s_));
         for (std::size_t c = 0; c < zero_S_.size(); ++c)
             for (const auto& [t_s, estimate] : waiting_)
-                if (estimate.quality == best) zero_S_[c] += estimate.wrench_S[c] / n;
+                if (estimate.quality() == best) zero_S_[c] += estimate.wrench_S[c] / n;
         for (const auto& [t_s, estimate] : std::exchange(waiting_, {})) write(t_s, estimate);
     }
 

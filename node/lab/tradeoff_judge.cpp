@@ -95,12 +95,12 @@ Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& r
     decoupler.set_delay(delays_s);
     for (std::size_t i = 0; i < readings.size(); ++i) {
         Estimate e = decoupler.decouple(readings[i]);
-        if (e.quality == TACTILED_BAD)
+        if (e.quality() == TACTILED_BAD)
             latency.forget();
         else
             latency.widen(e.wrench_S, readings[i].t_ns, e.sd);
         if (i < begin) {  // the second half of the time at rest is the tare
-            if (i < begin / 2 || e.quality == TACTILED_BAD) continue;
+            if (i < begin / 2 || e.quality() == TACTILED_BAD) continue;
             ++at_rest;
             for (std::size_t c = 0; c < sum.size(); ++c) sum[c] += std::isfinite(e.wrench_S[c]) ? e.wrench_S[c] : 0;
             continue;
@@ -108,11 +108,11 @@ Judged judge(Decoupler& decoupler, const Candidate& candidate, const Labelled& r
         if (i == begin && at_rest > 0)
             for (std::size_t c = 0; c < sum.size(); ++c) zero[c] = sum[c] / double(at_rest);
         ++judged.samples;
-        if (e.quality == TACTILED_BAD) {
+        if (e.quality() == TACTILED_BAD) {
             ++judged.bad;
             continue;
         }
-        const bool good = e.quality == TACTILED_GOOD;
+        const bool good = e.quality() == TACTILED_GOOD;
         ++(good ? judged.good : judged.uncertain);
         bool undetected = false;
         for (std::size_t c = 0; c < errors.size(); ++c) {

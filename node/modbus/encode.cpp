@@ -12,7 +12,7 @@ constexpr double kTorque = 0.001, kLength_m = 1e-5, kTemperature = 0.1, kMass_kg
 constexpr std::uint16_t kMaxU16 = 65534;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-constexpr std::uint32_t kSilent = TACTILED_STALE | TACTILED_DISCONNECTED | TACTILED_NO_DATA_YET | TACTILED_DAEMON_STOPPED;
+constexpr std::uint32_t kSilent = TACTILED_REASONS_OF_OLD;
 // The part of the node's state that remains valid when its loop has stopped; the present state of its sensors is then
 // unknown.
 constexpr std::uint32_t kOutlivesLoop = TACTILED_SIMULATED | TACTILED_ANY_UNCALIBRATED | TACTILED_WARNING | TACTILED_FAULT;

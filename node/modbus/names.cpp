@@ -1,4 +1,5 @@
 // Names of bits and of values, and the order in which faults are reported.
+#include <algorithm>
 #include <array>
 
 #include "node/modbus/table.hpp"
@@ -118,41 +119,25 @@ constexpr Name kWeightStates[] = {{0, "none", "NONE"},
                                   {3, "overload", "OVERLOAD"},
                                   {4, "not observable", "NOT_OBSERVABLE"}};
 
-// Most severe first. The numbers are those of the register map and do not follow the order of enum tactiled_reason.
 struct Fault {
     std::uint32_t reason;
     Name name;
 };
-constexpr Fault kSensorFaults[] = {
-    {TACTILED_DAEMON_STOPPED, {1, "daemon stopped or hangs", "DAEMON_STOPPED"}},
-    {TACTILED_DISCONNECTED, {2, "disconnected", "DISCONNECTED"}},
-    {TACTILED_NO_DATA_YET, {3, "no data yet", "NO_DATA_YET"}},
-    {TACTILED_STALE, {4, "stale", "STALE"}},
-    {TACTILED_WRONG_DEVICE,
-     {5, "wrong device: its frames have another number of channels, or two devices count under its name", "WRONG_DEVICE"}},
-    {TACTILED_NOT_FINITE, {6, "result is no number", "NOT_FINITE"}},
-    {TACTILED_IDLE_BUS, {17, "all channels read all zeros or all ones", "IDLE_BUS"}},
-    {TACTILED_FROZEN, {14, "a channel is frozen", "FROZEN"}},
-    {TACTILED_MISSING_CHANNEL, {7, "missing channel", "MISSING_CHANNEL"}},
-    {TACTILED_UNCALIBRATED, {8, "uncalibrated", "UNCALIBRATED"}},
-    {TACTILED_SATURATED, {9, "saturated channel", "SATURATED"}},
-    {TACTILED_DISAGREEMENT, {10, "channels contradict each other", "DISAGREEMENT"}},
-    {TACTILED_SENSORS_DIFFER, {19, "differs from the sensor that it should agree with", "SENSORS_DIFFER"}},
-    {TACTILED_UNPROVED_AGE, {20, "its age is not proved: frames were delayed, or the device paused", "UNPROVED_AGE"}},
-    {TACTILED_STEPPED, {18, "a channel has changed faster than it can", "STEPPED"}},
-    {TACTILED_OUTSIDE_DOMAIN, {11, "outside the calibrated domain", "OUTSIDE_DOMAIN"}},
-    {TACTILED_ZERO_UNKNOWN,
-     {22, "zero unknown: a restart or a reload has lost the tare; tare again, or untare", "ZERO_UNKNOWN"}},
-    {TACTILED_UNKNOWN_UNCERTAINTY, {12, "uncertainty unknown", "NO_UNCERTAINTY"}},
-    {TACTILED_READER_OVERRUN, {13, "internal: read overrun", "OVERRUN"}},
-};
+#define TACTILED_FAULT_(reason, word, best, fault, constant, use, meaning, remedy) \
+    {TACTILED_##reason, {fault, meaning, constant}},
+constexpr Fault kReasons[] = {TACTILED_REASON_TABLE(TACTILED_FAULT_)};
+#undef TACTILED_FAULT_
+
+constexpr bool is_fault(const Fault& one) { return one.name.value != 0; }
 
 constexpr auto kSensorFaultNames = [] {
-    std::array<Name, std::size(kSensorFaults) + 3> names{};
+    std::array<Name, std::size_t(std::count_if(std::begin(kReasons), std::end(kReasons), is_fault)) + 3> names{};
     names[0] = {0, "none", "NONE"};
     names[names.size() - 2] = {kFaultNoSensor, "no sensor has this block", "NO_SENSOR"};
     names[names.size() - 1] = {kFaultUnknown, "a reason that this map does not know", "OTHER"};
-    for (std::size_t i = 0; i < std::size(kSensorFaults); ++i) names[i + 1] = kSensorFaults[i].name;
+    std::size_t n = 1;
+    for (const Fault& one : kReasons)
+        if (is_fault(one)) names[n++] = one.name;
     return names;
 }();
 
@@ -179,8 +164,8 @@ std::span<const Name> names_of(std::string_view name) {
 }
 
 std::uint16_t fault_of(std::uint32_t reasons) {
-    for (const Fault& fault : kSensorFaults)
-        if ((reasons & fault.reason) != 0) return fault.name.value;
+    for (const Fault& one : kReasons)
+        if ((reasons & one.reason) != 0 && is_fault(one)) return one.name.value;
     return 0;
 }
 

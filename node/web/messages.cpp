@@ -119,6 +119,7 @@ std::string hello_message(const View& view, const std::string& run, bool has_com
                        {"link_counts", ctl::kLinkCountNames},
                        {"sensors", nlohmann::json::array()},
                        {"links", nlohmann::json::array()}};
+    for (const auto& text : ctl::kReasonTexts) out["meanings"].push_back(text.meaning);
     for (const char* word : kFaultWords) out["faults"].push_back(word != nullptr ? word : "");
     for (const char* word : kWarningWords) out["warnings"].push_back(word != nullptr ? word : "");
     if (segment.is_open()) {

@@ -47,8 +47,7 @@ void widen(Interval& interval, const tactiled_sample& s) {
 
 // Rate and temperature of a sample that is too old are no measurements any more.
 void forget_measured(tactiled_sample& s) {
-    constexpr std::uint32_t kOld = TACTILED_STALE | TACTILED_DAEMON_STOPPED | TACTILED_NO_DATA_YET | TACTILED_DISCONNECTED;
-    if (s.quality == TACTILED_BAD && (s.reasons & kOld) != 0) s.rate_Hz = s.temperature_C = kNan;
+    if (s.quality == TACTILED_BAD && (s.reasons & TACTILED_REASONS_OF_OLD) != 0) s.rate_Hz = s.temperature_C = kNan;
 }
 
 }  // namespace
@@ -111,7 +110,8 @@ void Source::read_interval(std::uint32_t sensor) {
     Interval& interval = view_.interval[sensor];
     interval = {};
     for (auto* values : {&interval.value, &interval.low, &interval.high}) values->fill(kNan);
-    interval.quality = TACTILED_GOOD;
+    const tactiled_sample& newest = view_.snapshot.sensor[sensor];
+    interval.quality = newest.quality;
     tactiled_sample sample;
     tactiled_cursor& cursor = cursor_[sensor];
     const std::uint64_t lost = cursor.lost;
@@ -121,7 +121,6 @@ void Source::read_interval(std::uint32_t sensor) {
         widen(interval, sample);
     }
     view_.missed += cursor.lost - lost;
-    const tactiled_sample& newest = view_.snapshot.sensor[sensor];
     widen(interval, newest);
     for (std::size_t c = 0; c < 6; ++c) {
         interval.value[c] = float(component(newest, c));

@@ -126,7 +126,7 @@ void print_row(Match& match, std::size_t samples) {
     for (std::size_t i = 0; i < match.readings.size(); ++i) {
         const Estimate ours = match.ours->decouple(match.reading(i));
         const Wrench naive = match.naive(match.channels(i));
-        if (ours.quality != TACTILED_GOOD) continue;
+        if (ours.quality() != TACTILED_GOOD) continue;
         double largest = 0;
         for (std::size_t c = 0; c < 3; ++c) largest = std::max(largest, std::abs(ours.wrench_S[c] - naive[c]));
         differences.push_back(largest / full_scale);

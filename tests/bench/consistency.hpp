@@ -75,12 +75,12 @@ public:
         for (std::size_t i = 0; i < readings.size(); ++i) {
             Estimate e = decoupler_->decouple(readings[i]);
             before_ = e.sd;
-            if (e.quality == TACTILED_BAD)
+            if (e.quality() == TACTILED_BAD)
                 latency_.forget();
             else
                 latency_.widen(e.wrench_S, readings[i].t_ns, e.sd);
             if (i < begin) {
-                if (i < begin / 2 || e.quality == TACTILED_BAD) continue;
+                if (i < begin / 2 || e.quality() == TACTILED_BAD) continue;
                 ++at_rest;
                 for (std::size_t c = 0; c < 6; ++c) sum[c] += std::isfinite(e.wrench_S[c]) ? e.wrench_S[c] : 0;
                 continue;
@@ -179,19 +179,19 @@ private:
     }
     void take(const Estimate& e, const Reading& reading, const Labelled& rows, std::size_t i) {
         const LabelledRow& row = rows.rows[i];
-        if (is_traced_ && e.quality != TACTILED_BAD) {
+        if (is_traced_ && e.quality() != TACTILED_BAD) {
             Wrench tared = e.wrench_S;
             for (std::size_t c = 0; c < 6; ++c) tared[c] -= zero_[c];
             load_ = load_of(tared, candidate_.calibration);
             below_peak_ = peak_.next(load_, row.t_ns);
         }
         ++shares_.samples;
-        ++shares_.reasons[e.quality == TACTILED_GOOD ? 0 : e.reasons];
+        ++shares_.reasons[e.quality() == TACTILED_GOOD ? 0 : e.reasons];
         if ((e.reasons & TACTILED_OUTSIDE_DOMAIN) != 0 && is_calibrated(row.wrench_S)) {
             ++shares_.flagged_inside;
             ++shares_.inside_by[reason_inside(e, reading, rows, i)];
         }
-        if (e.quality != TACTILED_GOOD) return;
+        if (e.quality() != TACTILED_GOOD) return;
         ++shares_.good;
         bool undetected = false, wrong = false, undetected_by_oracle = false;
         const bool settled = is_traced_ && is_settled(rows, i);

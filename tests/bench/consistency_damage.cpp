@@ -141,7 +141,7 @@ void judge(const Calibration& calibration, const Kind& kind, const Labelled& row
             kind.damage(channel, which, double(i) / double(rows.rows.size()));
             const Estimate e = decoupler->decouple({.channel = channel, .t_ns = row.t_ns});
             ++samples;
-            if (e.quality != TACTILED_GOOD) continue;
+            if (e.quality() != TACTILED_GOOD) continue;
             ++good;
             bool is_wrong = false, is_beyond = false;
             for (std::size_t n = 0; n < calibration.components.size(); ++n) {

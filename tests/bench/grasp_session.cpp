@@ -195,7 +195,7 @@ Recording record(const sim::Scene& scene, Decoupler& model) {
                                                .missing = block.missing[n],
                                                .saturated = 0,
                                                .t_ns = t_ns});
-            grasp::JawSample s{.t_ns = t_ns, .quality = e.quality, .reasons = e.reasons};
+            grasp::JawSample s{.t_ns = t_ns, .quality = e.quality(), .reasons = e.reasons};
             std::copy_n(e.wrench_S.begin(), 3, s.force_S_N.begin());
             std::copy_n(e.sd.begin(), 3, s.sd_N.begin());
             r.samples.push_back(s);

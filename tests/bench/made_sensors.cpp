@@ -189,13 +189,13 @@ Judged judge(const Calibration& calibration, const Labelled& fresh, const std::v
         std::vector<double> channel = row.channel;
         for (std::size_t k = 0; k < rest.size(); ++k) channel[k] += calibration.zero[k] - rest[k];
         const Estimate estimate = decoupler->decouple({.channel = channel, .t_ns = row.t_ns});
-        good += estimate.quality == TACTILED_GOOD ? 1 : 0;
+        good += estimate.quality() == TACTILED_GOOD ? 1 : 0;
         for (const auto& name : calibration.components) {
             const std::size_t c = component_index(name);
             const double error = std::abs(estimate.wrench_S[c] - row.wrench_S[c]);
             errors[c].push_back(error);
             sds[c].push_back(estimate.sd[c]);
-            beyond[c] += estimate.quality == TACTILED_GOOD && error > 5 * estimate.sd[c] ? 1 : 0;
+            beyond[c] += estimate.quality() == TACTILED_GOOD && error > 5 * estimate.sd[c] ? 1 : 0;
         }
     }
     worst.good = 100.0 * good / double(fresh.rows.size());

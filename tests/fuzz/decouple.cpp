@@ -18,8 +18,8 @@ using fuzz::check;
 using fuzz::Input;
 
 void check_estimate(const Estimate& estimate) {
-    const bool good = estimate.quality == TACTILED_GOOD || estimate.quality == TACTILED_UNCERTAIN;
-    check(good || estimate.quality == TACTILED_BAD);
+    const bool good = estimate.quality() == TACTILED_GOOD || estimate.quality() == TACTILED_UNCERTAIN;
+    check(good || estimate.quality() == TACTILED_BAD);
     if (good == false) check(estimate.reasons != 0);
     for (std::size_t c = 0; c < 6; ++c) {
         const double value = estimate.wrench_S[c], sd = estimate.sd[c];
@@ -32,7 +32,8 @@ void check_estimate(const Estimate& estimate) {
 bool same(double a, double b) { return a == b || (std::isnan(a) && std::isnan(b)); }
 
 void check_same(const Estimate& a, const Estimate& b) {
-    check(a.quality == b.quality && a.reasons == b.reasons && a.direction == b.direction && same(a.residual, b.residual));
+    check(a.quality() == b.quality() && a.reasons == b.reasons && a.direction == b.direction &&
+          same(a.residual, b.residual));
     check(same(a.cop_S_m[0], b.cop_S_m[0]) && same(a.cop_S_m[1], b.cop_S_m[1]));
     for (std::size_t c = 0; c < 6; ++c) check(same(a.wrench_S[c], b.wrench_S[c]) && same(a.sd[c], b.sd[c]));
 }
@@ -79,7 +80,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                     others[k] = std::bit_cast<double>(~std::bit_cast<std::uint64_t>(others[k]));
             const Estimate estimate = decoupler->decouple(reading);
             check_estimate(estimate);
-            if (std::countr_one(reading.missing) >= int(channels.size())) check(estimate.quality == TACTILED_BAD);
+            if (std::countr_one(reading.missing) >= int(channels.size())) check(estimate.quality() == TACTILED_BAD);
             check_same(estimate, twin->decouple({others, reading.missing, reading.saturated, reading.t_ns}));
             if ((how & 8) == 0) continue;
             decoupler->forget();

@@ -81,21 +81,21 @@ std::string broken(const Estimate& e, const Calibration& calibration) {
     for (std::size_t c = 0; c < 6; ++c) {
         bool seen = false;
         for (const auto& name : calibration.components) seen = seen || component_index(name) == c;
-        const bool value = seen && e.quality != TACTILED_BAD;
+        const bool value = seen && e.quality() != TACTILED_BAD;
         if (std::isfinite(e.wrench_S[c]) != value || std::isinf(e.wrench_S[c]))
-            return fmt::format("{} = {} with quality {}", kComponentNames[c], e.wrench_S[c], int(e.quality));
+            return fmt::format("{} = {} with quality {}", kComponentNames[c], e.wrench_S[c], int(e.quality()));
         const bool sd = value && (e.reasons & TACTILED_UNKNOWN_UNCERTAINTY) == 0;
         if (std::isnan(e.sd[c]) == sd || e.sd[c] < 0) return fmt::format("sd of {} = {}", kComponentNames[c], e.sd[c]);
     }
-    if ((e.quality == TACTILED_GOOD) != (e.reasons == 0))
-        return fmt::format("quality {}, reasons {:x}", int(e.quality), e.reasons);
+    if ((e.quality() == TACTILED_GOOD) != (e.reasons == 0))
+        return fmt::format("quality {}, reasons {:x}", int(e.quality()), e.reasons);
     if (std::isinf(e.cop_S_m[0]) || std::isinf(e.cop_S_m[1])) return "an infinite centre of pressure";
     if (e.residual < 0) return "a negative residual";
     return "";
 }
 
 bool same_bits(const Estimate& a, const Estimate& b) {
-    return std::memcmp(a.wrench_S.data(), b.wrench_S.data(), sizeof a.wrench_S) == 0 && a.quality == b.quality &&
+    return std::memcmp(a.wrench_S.data(), b.wrench_S.data(), sizeof a.wrench_S) == 0 && a.quality() == b.quality() &&
            a.reasons == b.reasons;
 }
 
@@ -124,7 +124,7 @@ int main(int argc, char** argv) {
             const Estimate estimate = one->decouple(reading);
             std::string what = broken(estimate, method.calibration);
             if (what.empty() && !same_bits(estimate, other->decouple(reading))) what = "other bits the second time";
-            ++counts[estimate.quality == TACTILED_GOOD ? 2 : estimate.quality == TACTILED_UNCERTAIN ? 1 : 0];
+            ++counts[estimate.quality() == TACTILED_GOOD ? 2 : estimate.quality() == TACTILED_UNCERTAIN ? 1 : 0];
             if (what.empty()) continue;
             fmt::print("{}: reading {}: {}; reasons {:x}; missing {:x}, saturated {:x}, t_ns {}, channels", method.name, i,
                        what, estimate.reasons, reading.missing, reading.saturated, reading.t_ns);

@@ -165,8 +165,8 @@ int undetected(const std::string& model, const std::vector<double>& odd) {
                 const Estimate e = decoupler->decouple({.channel = channel, .t_ns = 1'000'000'000});
                 for (const auto& name : method.calibration.components) {
                     const double force = e.wrench_S[component_index(name)];
-                    const bool bad = e.quality == TACTILED_BAD;
-                    n += std::isfinite(force) == bad || e.quality == TACTILED_GOOD ? 1 : 0;
+                    const bool bad = e.quality() == TACTILED_BAD;
+                    n += std::isfinite(force) == bad || e.quality() == TACTILED_GOOD ? 1 : 0;
                 }
             }
     }
@@ -190,7 +190,7 @@ int differ_from_zero(const std::string& model, const std::vector<double>& tiny) 
                     const bool same = e.wrench_S[c] == zero.wrench_S[c] ||
                                       std::abs(e.wrench_S[c] - zero.wrench_S[c]) < 1e-300 ||
                                       (std::isnan(e.wrench_S[c]) && std::isnan(zero.wrench_S[c]));
-                    n += same && e.quality == zero.quality && e.reasons == zero.reasons ? 0 : 1;
+                    n += same && e.quality() == zero.quality() && e.reasons == zero.reasons ? 0 : 1;
                 }
             }
         }

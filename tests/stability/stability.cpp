@@ -38,7 +38,7 @@ bool holds(const Published& p, const Marked& m) {
 }  // namespace
 
 Published published(const Estimate& estimate, std::size_t component) {
-    return {estimate.wrench_S[component], estimate.quality, estimate.reasons};
+    return {estimate.wrench_S[component], estimate.quality(), estimate.reasons};
 }
 
 Published as_good(double value) { return {value, TACTILED_GOOD, 0}; }

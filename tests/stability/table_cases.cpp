@@ -242,7 +242,7 @@ void add_plate(Cases& cases) {
     const Estimate at_rest = estimate_of(c, rest);
     const double naive_x = (rest[4] - rest[0]) / (rest[0] + rest[2] - rest[4] - rest[6]);
     cases.value("T15", "centre of pressure with no force: none is claimed",
-                {naive_x, std::isnan(at_rest.cop_S_m[0]) && at_rest.quality != TACTILED_BAD ? 0.0 : 1.0, 0, 1, 0});
+                {naive_x, std::isnan(at_rest.cop_S_m[0]) && at_rest.quality() != TACTILED_BAD ? 0.0 : 1.0, 0, 1, 0});
 }
 
 }  // namespace

@@ -203,8 +203,8 @@ class Faults(unittest.TestCase):
         with unit_daemon(config=CONFIG.replace("frozen_after = 0", "frozen_after = 20")) as d:
             d.start()
             wait_for(lambda: ":frozen" in d.ctl("status").stdout, 5, "the frozen channels")
-            self.assertIn("left: a channel repeats one number", d.ctl("status").stdout)
-            self.assertIn("needs frozen_after = 0", d.ctl("status").stdout)
+            self.assertIn("left: a channel is frozen; remedy: the channel repeats one number", d.ctl("status").stdout)
+            self.assertIn("write frozen_after = 0", d.ctl("status").stdout)
 
     def test_a_tare_that_is_refused_for_the_age_names_the_line_to_write(self):
         config = CONFIG.replace('path = "direct"\n', "").replace("sequence = true\n", "")

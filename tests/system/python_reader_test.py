@@ -51,12 +51,12 @@ class TheTables(unittest.TestCase):
         self.assertEqual(tactiled._RECORD_OFFSET, LAYOUT.numbers["RECORD_OFFSET"])
 
     def test_have_the_words_of_tactilectl(self):
-        source = (ROOT / "node/ctl/verb.hpp").read_text()
-        words = re.findall('"(.*?)"', re.search(r"kReasonWords\{(.*?)\}", source, flags=re.S).group(1))
-        self.assertEqual(list(tactiled.REASON_WORDS), words)
-        known = [word for word in words if not word.startswith("reason-")]  # without names of bits that have no
-                                                                            # reason
-        self.assertEqual(len(known), len(LAYOUT.enums["reason"]))
+        source = (ROOT / "node/include/tactiled/layout.h").read_text()
+        table = dict(re.findall(r'^ +X\((\w+), "([\w-]+)", ', source, flags=re.M))
+        self.assertEqual(set(table), set(LAYOUT.enums["reason"]))
+        for name, word in table.items():
+            self.assertEqual(tactiled.REASON_WORDS[getattr(tactiled, name).bit_length() - 1], word)
+        self.assertEqual(len(tactiled.REASON_WORDS), len(table))
 
 
 class ARunningDaemon(unittest.TestCase):

@@ -82,7 +82,7 @@ bool is_uncertain_at_rest(const SensorSettings& s, const Calibration& calibratio
     const auto decoupler = make_decoupler(calibration, s.method == "auto" ? "" : s.method, 0, fault);
     if (decoupler == nullptr || calibration.zero.size() != calibration.channels.size()) return false;
     decoupler->set_temperature({s.temperature_range_C[0], s.temperature_range_C[1], s.temperature_difference_K});
-    return decoupler->decouple({.channel = calibration.zero}).quality == TACTILED_UNCERTAIN;
+    return decoupler->decouple({.channel = calibration.zero}).quality() == TACTILED_UNCERTAIN;
 }
 
 // Reports what the temperature of a model can do that the calibration does not know, and a thermometer that may stand still.

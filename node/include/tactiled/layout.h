@@ -82,6 +82,101 @@ enum tactiled_reason {
     TACTILED_ZERO_UNKNOWN = 1 << 22  /* a restart or a reload has lost the tare that was in force: tare again, or untare */
 };
 
+/* ---- verdict ----
+ *
+ * Every layer adds reasons to a sample; tactiled_verdict() alone derives its quality from them. Commands, the web page,
+ * bridges and the register map take the words of a reason from this table. */
+
+/* The uses of a value that a reason still permits, and whether the reason ends the stream. */
+enum tactiled_use {
+    TACTILED_FOR_ZERO = 1,    /* a tare */
+    TACTILED_FOR_COMPARE = 2, /* agrees_with: the value proves something about the other sensor */
+    TACTILED_FOR_WEIGHT = 4,  /* its standard deviation counts for a weight */
+    TACTILED_OLD = 8          /* there is no value because there is no new frame */
+};
+#define TACTILED_ZC_ (TACTILED_FOR_ZERO | TACTILED_FOR_COMPARE)
+
+/* X(reason, word, best quality that it allows, number and constant of FAULT in the register map, use, meaning, remedy), most
+ * severe first. FAULT 0: no fault. The numbers are those of the register map and never change. */
+#define TACTILED_REASON_TABLE(X)                                                                                            \
+    X(DAEMON_STOPPED, "stopped", TACTILED_BAD, 1, "DAEMON_STOPPED", TACTILED_OLD, "daemon stopped or hangs",                \
+      "start the daemon; its log has the cause")                                                                            \
+    X(DISCONNECTED, "disconnected", TACTILED_BAD, 2, "DISCONNECTED", TACTILED_OLD,                                          \
+      "disconnected: the link is being reopened", "check the cable and the power of the device")                            \
+    X(NO_DATA_YET, "no-data-yet", TACTILED_BAD, 3, "NO_DATA_YET", TACTILED_OLD, "no data yet",                              \
+      "wait for the first frame; `tactilectl doctor` checks the device")                                                    \
+    X(STALE, "stale", TACTILED_BAD, 4, "STALE", TACTILED_OLD, "stale: no new frame in time",                                \
+      "check the device; a slow one needs a stale_ms of three of its periods")                                              \
+    X(WRONG_DEVICE, "wrong-device", TACTILED_BAD, 5, "WRONG_DEVICE", 0,                                                     \
+      "wrong device: its frames have another number of channels, or two devices count under its name",                      \
+      "mount the device of the calibration, or correct `channels`")                                                         \
+    X(NOT_FINITE, "not-finite", TACTILED_BAD, 6, "NOT_FINITE", 0, "result is no number",                                    \
+      "check the calibration: the method has no result for this reading")                                                   \
+    X(IDLE_BUS, "idle-bus", TACTILED_BAD, 17, "IDLE_BUS", 0, "all channels read all zeros or all ones",                     \
+      "no device answers: check its power and the wires of the bus")                                                        \
+    X(FROZEN, "frozen", TACTILED_UNCERTAIN, 14, "FROZEN", TACTILED_FOR_WEIGHT, "a channel is frozen",                       \
+      "the channel repeats one number: replace it, or write frozen_after = 0 in the [[sensor]] of a coarse sensor that "    \
+      "rests")                                                                                                              \
+    X(MISSING_CHANNEL, "missing-channel", TACTILED_UNCERTAIN, 7, "MISSING_CHANNEL", TACTILED_FOR_WEIGHT, "missing channel", \
+      "a channel has no number: check its wire")                                                                            \
+    X(UNCALIBRATED, "uncalibrated", TACTILED_UNCERTAIN, 8, "UNCALIBRATED", TACTILED_ZC_ | TACTILED_FOR_WEIGHT,              \
+      "uncalibrated", "calibrate this sensor (`tactilectl calibrate`)")                                                     \
+    X(SATURATED, "saturated", TACTILED_UNCERTAIN, 9, "SATURATED", TACTILED_FOR_WEIGHT, "saturated channel",                 \
+      "reduce the load, or the gain of the converter")                                                                      \
+    X(DISAGREEMENT, "disagreement", TACTILED_UNCERTAIN, 10, "DISAGREEMENT", TACTILED_FOR_WEIGHT,                            \
+      "channels contradict each other",                                                                                     \
+      "check the channels; a load unlike those of the calibration needs a calibration with such loads")                     \
+    X(SENSORS_DIFFER, "sensors-differ", TACTILED_UNCERTAIN, 19, "SENSORS_DIFFER", TACTILED_ZC_,                             \
+      "differs from the sensor that it should agree with", "tare both sensors, then compare them under a load")             \
+    X(UNPROVED_AGE, "unproved-age", TACTILED_UNCERTAIN, 20, "UNPROVED_AGE", 0,                                              \
+      "its age is not proved: frames were delayed, or the device paused", "send a counter or the time with each frame")     \
+    X(STEPPED, "stepped", TACTILED_UNCERTAIN, 18, "STEPPED", 0, "a channel has changed faster than it can",                 \
+      "check for a loose wire, or raise slew_limit_per_s")                                                                  \
+    X(OUTSIDE_DOMAIN, "outside-domain", TACTILED_UNCERTAIN, 11, "OUTSIDE_DOMAIN", TACTILED_FOR_ZERO | TACTILED_FOR_WEIGHT,  \
+      "outside the calibrated domain", "reduce the load, or declare the temperature (tactilectl check has the line)")       \
+    X(ZERO_UNKNOWN, "zero-unknown", TACTILED_UNCERTAIN, 22, "ZERO_UNKNOWN", TACTILED_FOR_ZERO,                              \
+      "zero unknown: a restart or a reload has lost the tare; tare again, or untare", "tare without a load, or untare")     \
+    X(UNKNOWN_UNCERTAINTY, "sd-unknown", TACTILED_UNCERTAIN, 12, "NO_UNCERTAINTY", TACTILED_ZC_ | TACTILED_FOR_WEIGHT,      \
+      "uncertainty unknown", "see its other reasons, or calibrate with loads that determine the uncertainty")               \
+    X(READER_OVERRUN, "reader-overrun", TACTILED_BAD, 13, "OVERRUN", 0, "internal: read overrun", "read again")             \
+    X(TARING, "taring", TACTILED_GOOD, 0, "", TACTILED_ZC_ | TACTILED_FOR_WEIGHT, "a tare is being measured",               \
+      "wait until the tare ends")                                                                                           \
+    X(WRONG_RATE, "wrong-rate", TACTILED_GOOD, 0, "", TACTILED_ZC_ | TACTILED_FOR_WEIGHT,                                   \
+      "the measured rate is not the declared one", "set the device to rate_Hz, or correct rate_Hz")                         \
+    X(DRIFTED, "drifted", TACTILED_GOOD, 0, "", TACTILED_ZC_ | TACTILED_FOR_WEIGHT,                                         \
+      "the zero at rest has moved by drift_limit_N", "tare it without a load")                                              \
+    X(ARRIVAL_ONLY, "arrival-only", TACTILED_GOOD, 0, "", TACTILED_FOR_COMPARE,                                             \
+      "no clock and no counter would show a delay",                                                                         \
+      "send a counter or the time with each frame, or write accept_unproved_age = true; until then there is no tare or "    \
+      "weight")
+
+/* The reasons, as a mask: those with a use, and those that allow GOOD and UNCERTAIN at most. */
+#define TACTILED_BIT_(is, reason) | ((is) ? +TACTILED_##reason : 0)
+#define TACTILED_IF_BAD_(reason, word, best, ...) TACTILED_BIT_((best) == TACTILED_BAD, reason)
+#define TACTILED_IF_GOOD_(reason, word, best, ...) TACTILED_BIT_((best) == TACTILED_GOOD, reason)
+#define TACTILED_IF_ZERO_(reason, word, best, fault, constant, use, ...) \
+    TACTILED_BIT_(((use)&TACTILED_FOR_ZERO) != 0, reason)
+#define TACTILED_IF_COMPARE_(reason, word, best, fault, constant, use, ...) \
+    TACTILED_BIT_(((use)&TACTILED_FOR_COMPARE) != 0, reason)
+#define TACTILED_IF_WEIGHT_(reason, word, best, fault, constant, use, ...) \
+    TACTILED_BIT_(((use)&TACTILED_FOR_WEIGHT) != 0, reason)
+#define TACTILED_IF_OLD_(reason, word, best, fault, constant, use, ...) TACTILED_BIT_(((use)&TACTILED_OLD) != 0, reason)
+enum {
+    TACTILED_REASONS_OF_BAD = 0 TACTILED_REASON_TABLE(TACTILED_IF_BAD_),
+    TACTILED_REASONS_OF_GOOD = 0 TACTILED_REASON_TABLE(TACTILED_IF_GOOD_),
+    TACTILED_REASONS_FOR_ZERO = 0 TACTILED_REASON_TABLE(TACTILED_IF_ZERO_),
+    TACTILED_REASONS_FOR_COMPARE = 0 TACTILED_REASON_TABLE(TACTILED_IF_COMPARE_),
+    TACTILED_REASONS_FOR_WEIGHT = 0 TACTILED_REASON_TABLE(TACTILED_IF_WEIGHT_),
+    TACTILED_REASONS_OF_OLD = 0 TACTILED_REASON_TABLE(TACTILED_IF_OLD_)
+};
+
+/* Returns the quality of a value with these reasons: the worst that one of them allows, and BAD if there is no value. A
+ * reason that is not in the table lowers to UNCERTAIN. */
+static inline uint32_t tactiled_verdict(uint32_t reasons, int has_value) {
+    if (!has_value || (reasons & (uint32_t)TACTILED_REASONS_OF_BAD) != 0) return TACTILED_BAD;
+    return (reasons & ~(uint32_t)TACTILED_REASONS_OF_GOOD) != 0 ? TACTILED_UNCERTAIN : TACTILED_GOOD;
+}
+
 /* Proof of the age of a sensor's samples: tactiled_sensor.freshness. Since 1.5. */
 enum tactiled_freshness {
     TACTILED_FRESHNESS_UNKNOWN = 0, /* no frame yet */
@@ -284,6 +379,12 @@ enum tactiled_tool_why {
     TACTILED_TOOL_TORQUE = 1 << 5,  /* the torque has a component that a sensor cannot see: NaN */
     TACTILED_TOOL_APART = 1 << 6    /* uncertain: the sensors' samples are further apart in time than 50 ms */
 };
+
+/* Returns the quality of a wrench on the gripper with these reasons. */
+static inline uint32_t tactiled_tool_verdict(uint32_t why) {
+    if ((why & (TACTILED_TOOL_GRAVITY | TACTILED_TOOL_SENSOR | TACTILED_TOOL_TARE)) != 0) return TACTILED_BAD;
+    return (why & (TACTILED_TOOL_DOUBTED | TACTILED_TOOL_APART)) != 0 ? TACTILED_UNCERTAIN : TACTILED_GOOD;
+}
 
 /* The force and torque of the world on the gripper, in its frame G (z out of the palm): the forces of all sensors of [tool],
  * turned, less the weight of the part of the hand that each carries, and their sum. Torques are about the origin of G. All
@@ -632,14 +733,19 @@ static inline int tactiled_ring_next(const void* segment, const struct tactiled_
     return 0;
 }
 
+/* Gives a sample the quality that its reasons allow. `has_value`: it has a force or a torque. */
+static inline void tactiled_put_verdict(struct tactiled_sample* sample, int has_value) {
+    sample->quality = tactiled_verdict(sample->reasons, has_value);
+}
+
 /* Makes `sample` BAD: its forces become NaN, so that an old value is not used as a new one. */
 static inline void tactiled_invalidate(struct tactiled_sample* sample, uint32_t reason) {
     const uint64_t nan_bits = 0x7FF8000000000000u;
     double nan_value;
     int i;
     memcpy(&nan_value, &nan_bits, sizeof nan_value);
-    sample->quality = TACTILED_BAD;
     sample->reasons |= reason;
+    tactiled_put_verdict(sample, 0);
     for (i = 0; i < 3; ++i) {
         sample->force_S_N[i] = sample->torque_S_Nm[i] = nan_value;
         sample->sd_force_N[i] = sample->sd_torque_Nm[i] = nan_value;

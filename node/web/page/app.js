@@ -10,16 +10,6 @@ const kMaxChanges = 200;
 
 const kQualityWords = ["no value", "good", "uncertain", "bad"];
 const kQualityMarks = ["✖", "●", "▲", "✖"];
-const kSentences = {
-  "no-data-yet": "no data have come yet", "stale": "no new frame in time", "disconnected": "the link is closed and being reopened",
-  "missing-channel": "a channel that is needed is missing", "saturated": "a channel is at its limit", "disagreement": "redundant channels contradict each other",
-  "outside-domain": "beyond what the calibration saw", "uncalibrated": "no calibration", "not-finite": "the result is not a number",
-  "stopped": "the daemon has ended or does not respond", "taring": "a tare is being measured", "reader-overrun": "the reader was too slow",
-  "wrong-device": "another device than declared", "sd-unknown": "the uncertainty is not known", "frozen": "a channel repeats one number",
-  "stepped": "a channel changed too fast", "idle-bus": "the device does not answer", "wrong-rate": "another rate than declared",
-  "drifted": "the zero has drifted: tare", "sensors-differ": "another sensor says otherwise", "unproved-age": "the value may be older than it seems",
-  "arrival-only": "delays would not be noticed", "zero-unknown": "the last tare was lost: tare again",
-};
 const kResults = ["done", "unknown command", "no such sensor", "bad parameter", "not now: a sensor has no trustworthy value, or another command runs",
   "locked", "failed: a sensor lost its value", "timed out", "refused: the force moved; wait until it rests", "refused: a sensor is under load",
   "the zero cannot be stored", "adopted", "repeated"];
@@ -184,7 +174,7 @@ class Card {
     this.box.classList.toggle("bad", quality !== kGood && quality !== kUncertain);
     const words = s ? hello.reasons.filter((_, bit) => s.reasons >> bit & 1) : [];
     put(this.quality, s ? `${kQualityMarks[quality]} ${kQualityWords[quality].toUpperCase()}` : "✖ STALE");
-    put(this.reasons, s ? words.map((w) => kSentences[w] || w).join("; ") : "no value: see above");
+    put(this.reasons, s ? words.map((w) => hello.meanings[hello.reasons.indexOf(w)] || w).join("; ") : "no value: see above");
     for (const [c, row] of this.rows) {
       const value = s ? (c < 3 ? s.force_N[c] : s.torque_Nm[c - 3]) : null;
       const sd = s ? (c < 3 ? s.sd_force_N[c] : s.sd_torque_Nm[c - 3]) : null;

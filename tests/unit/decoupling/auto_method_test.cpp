@@ -79,21 +79,21 @@ void step_up(AutoMethod& made) {
 // The method has missed the load meanwhile: its values may be wrong by the width of the loop.
 TEST(AutoMethod, AMethodThatRemembersSaysAtItsReturnThatItDoesNotKnowThePast) {
     const auto made = automatic(with_hysteresis(), 10, {{"linear", 1}, {"nonlinear", 5}});
-    EXPECT_EQ(decouple(*made, press(0.5)).quality, TACTILED_GOOD);
+    EXPECT_EQ(decouple(*made, press(0.5)).quality(), TACTILED_GOOD);
     step_down(*made);
     ASSERT_EQ(made->method(), "linear");
-    EXPECT_EQ(decouple(*made, press(2)).quality, TACTILED_GOOD);
+    EXPECT_EQ(decouple(*made, press(2)).quality(), TACTILED_GOOD);
     step_up(*made);
     ASSERT_EQ(made->method(), "nonlinear");
     const Estimate back = decouple(*made, press(0.5));
-    EXPECT_EQ(back.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(back.quality(), TACTILED_UNCERTAIN);
     EXPECT_EQ(back.reasons, std::uint32_t{TACTILED_UNKNOWN_UNCERTAINTY});
     EXPECT_TRUE(std::isnan(back.sd[2]));
     // It is settled when every component has swung by twice the widest play operator.
     const double t = 2 * kTangential_per_N;
     (void)decouple(*made, {t, t, -t, -t});
     (void)decouple(*made, press(2));
-    EXPECT_EQ(decouple(*made, press(0.5)).quality, TACTILED_GOOD);
+    EXPECT_EQ(decouple(*made, press(0.5)).quality(), TACTILED_GOOD);
 }
 
 TEST(PlayHysteresis, IsSettledFromWhereAnyPastWouldGiveTheSame) {

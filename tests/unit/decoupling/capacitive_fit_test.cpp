@@ -176,7 +176,7 @@ TEST(CapacitiveFit, OverlapIsBetterThanQuadraticOffTheAxisOnFiniteElements) {
         off[name] = rms_of(calibration, pointers_to(off_axis));
         if (calibration.method == "overlap") {
             const auto decoupler = make_decoupler(calibration);
-            for (const auto& row : off_axis) EXPECT_EQ(decouple(*decoupler, row.channel).quality, TACTILED_GOOD);
+            for (const auto& row : off_axis) EXPECT_EQ(decouple(*decoupler, row.channel).quality(), TACTILED_GOOD);
         }
         std::printf("%-12s %10.3f %8.3f %8.3f %8.3f   condition %.3g\n", name, 100 * on[name].shear_N / 1.2,
                     100 * off[name].shear_N / 1.2, 10 * on[name].press_N, 10 * off[name].press_N, calibration.condition);

@@ -22,7 +22,7 @@ TEST(Capacitive, OverlapSolvesGapAndShiftTogether) {
                 ASSERT_NEAR(estimate.wrench_S[0], force.fx, 3e-5);
                 ASSERT_NEAR(estimate.wrench_S[1], force.fy, 3e-5);
                 ASSERT_NEAR(estimate.wrench_S[2], force.fz, 1e-4);
-                ASSERT_EQ(estimate.quality, TACTILED_GOOD);
+                ASSERT_EQ(estimate.quality(), TACTILED_GOOD);
             }
 }
 
@@ -56,8 +56,8 @@ TEST(Capacitive, OverlapGoesOnWithoutAnyOneElectrode) {
         EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_MISSING_CHANNEL});
         EXPECT_GT(estimate.sd[0] + estimate.sd[1] + estimate.sd[2], 0.07 * 1.02);
     }
-    EXPECT_EQ(decouple(*decoupler, reading, 0b00111).quality, TACTILED_BAD);  // two left
-    EXPECT_EQ(decouple(*decoupler, reading, 0b10010).quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(decouple(*decoupler, reading, 0b00111).quality(), TACTILED_BAD);  // two left
+    EXPECT_EQ(decouple(*decoupler, reading, 0b10010).quality(), TACTILED_UNCERTAIN);
 }
 
 TEST(Capacitive, OverlapFindsAnElectrodeThatIsWrong) {

@@ -69,7 +69,7 @@ TEST(Capacitive, QuadraticIsExactInsideAndStraightOutside) {
             ASSERT_NEAR(estimate.wrench_S[0], fx, 1e-13);
             ASSERT_NEAR(estimate.wrench_S[1], -0.5 * fx, 1e-13);
             ASSERT_NEAR(estimate.wrench_S[2], -press, 1e-13);
-            ASSERT_EQ(estimate.quality, TACTILED_GOOD);
+            ASSERT_EQ(estimate.quality(), TACTILED_GOOD);
         }
     const double end = 0.0008 * 100 + 0.405 + 1.3039;
     const Estimate beyond = decouple(*decoupler, {1.2285, 1.2285, 1.2285, 1.2285, end + 0.0565 * 2});  // pF
@@ -108,8 +108,8 @@ TEST(Capacitive, OneElectrodeOfAPairIsEnoughWithALargerStandardDeviation) {
         EXPECT_GT(estimate.sd[missing / 2], 0.0105);
         EXPECT_EQ(estimate.sd[1 - missing / 2], 0.01);
     }
-    EXPECT_EQ(decouple(*decoupler, reading, 0b11).quality, TACTILED_BAD);
-    EXPECT_EQ(decouple(*decoupler, reading, 0b10000).quality, TACTILED_BAD);
+    EXPECT_EQ(decouple(*decoupler, reading, 0b11).quality(), TACTILED_BAD);
+    EXPECT_EQ(decouple(*decoupler, reading, 0b10000).quality(), TACTILED_BAD);
 }
 
 // ---- any input
@@ -137,9 +137,9 @@ TEST(Capacitive, IsFiniteOrBadForAnyBits) {
             const Estimate estimate = decouple(*decoupler, reading, std::uint32_t(random() & random() & random()),
                                                std::uint32_t(random() & random() & random()));
             for (std::size_t c = 0; c < 3; ++c)
-                ASSERT_EQ(std::isfinite(estimate.wrench_S[c]), estimate.quality != TACTILED_BAD);
-            ASSERT_TRUE(estimate.quality != TACTILED_BAD || estimate.reasons != 0u);
-            if (estimate.quality == TACTILED_GOOD) {
+                ASSERT_EQ(std::isfinite(estimate.wrench_S[c]), estimate.quality() != TACTILED_BAD);
+            ASSERT_TRUE(estimate.quality() != TACTILED_BAD || estimate.reasons != 0u);
+            if (estimate.quality() == TACTILED_GOOD) {
                 for (std::size_t c = 0; c < 3; ++c) ASSERT_GE(estimate.sd[c], 0.0099);
             }
         }

@@ -96,7 +96,7 @@ TEST_F(Optical, ADamagedDiodeIsNotGoodAndWrong) {
                     bool is_off = false;
                     for (std::size_t c = 0; c < 3; ++c)
                         is_off = is_off || std::abs(estimate.wrench_S[c] - wrench[c]) > 0.1 * kFull_N[c];
-                    return is_off && estimate.quality == TACTILED_GOOD;
+                    return is_off && estimate.quality() == TACTILED_GOOD;
                 };
                 ++samples;
                 wrong += is_wrong(*decoupler);
@@ -287,16 +287,16 @@ TEST(CurvedDomain, IsThatOfTheFile) {
 TEST(CurvedDomain, TheGreaterDistanceWidensTheStandardDeviationOnce) {
     const auto decoupler = make_decoupler(by_hand());
     const Estimate inside = decouple(*decoupler, {2, 4});
-    EXPECT_EQ(inside.quality, TACTILED_GOOD);
+    EXPECT_EQ(inside.quality(), TACTILED_GOOD);
     EXPECT_EQ(inside.sd[2], 0.5);
     const Estimate outside = decouple(*decoupler, {2, 5});
-    EXPECT_EQ(outside.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(outside.quality(), TACTILED_UNCERTAIN);
     EXPECT_EQ(outside.reasons, TACTILED_OUTSIDE_DOMAIN);
     EXPECT_NEAR(outside.sd[2], 0.5 * std::sqrt(400.0 / 16 / 7.5), 1e-12);
     // Joint distance 4, limit 2; curved: off by 41 at p = (0, -1).
     const Estimate both = decouple(*decoupler, {0, 41});
     EXPECT_NEAR(both.sd[2], 0.5 * std::sqrt(820.0 * 820 / 16 / 1.5), 1e-9);
-    EXPECT_EQ(decouple(*decoupler, {40, 1600}).quality, TACTILED_UNCERTAIN) << "on the curve, but far from the rows";
+    EXPECT_EQ(decouple(*decoupler, {40, 1600}).quality(), TACTILED_UNCERTAIN) << "on the curve, but far from the rows";
 }
 
 // ---- 5. extremes and the file --------------------------------------------------------------------------------------------
@@ -306,10 +306,10 @@ TEST(CurvedDomain, AnyBitsAreNotGoodAndHaveAFiniteStandardDeviation) {
     for (const double odd : {1e100, 1e160, 1e300, -1e300, std::numeric_limits<double>::infinity()})
         for (const std::vector<double>& channel : {std::vector<double>{odd, 1}, {0, odd}, {odd, odd}}) {
             const Estimate estimate = decouple(*decoupler, channel);
-            EXPECT_NE(estimate.quality, TACTILED_GOOD) << odd;
-            if (estimate.quality == TACTILED_UNCERTAIN) { EXPECT_TRUE(std::isfinite(estimate.sd[2])) << odd; }
+            EXPECT_NE(estimate.quality(), TACTILED_GOOD) << odd;
+            if (estimate.quality() == TACTILED_UNCERTAIN) { EXPECT_TRUE(std::isfinite(estimate.sd[2])) << odd; }
         }
-    EXPECT_EQ(decouple(*decoupler, {0, kNaN}, 2).quality, TACTILED_BAD);
+    EXPECT_EQ(decouple(*decoupler, {0, kNaN}, 2).quality(), TACTILED_BAD);
 }
 
 TEST(CurvedDomain, ComesBackToTheLastBit) {
@@ -328,7 +328,7 @@ TEST(CurvedDomain, AFileWithoutItHasNone) {
     const Calibration loaded = parse_calibration(calibration_text(calibration), "c.toml", problems);
     EXPECT_EQ(problems.lines(), std::vector<std::string>{});
     EXPECT_EQ(loaded.joint_domain.curved.limit, 0);
-    EXPECT_EQ(decouple(*make_decoupler(loaded), {2, 5}).quality, TACTILED_GOOD);
+    EXPECT_EQ(decouple(*make_decoupler(loaded), {2, 5}).quality(), TACTILED_GOOD);
 }
 
 TEST(CurvedDomain, OfAWrongShapeIsRefused) {

@@ -27,7 +27,7 @@ TEST(Eflesh, AnUnseenSessionIsWithin23PerMilleOfFullScale) {
     int labelled = 0, good = 0, flagged = 0;
     for (const auto& row : session("2").rows) {
         const Estimate estimate = decouple(*decoupler, row.channel);
-        ++(estimate.quality == TACTILED_GOOD ? good : flagged);
+        ++(estimate.quality() == TACTILED_GOOD ? good : flagged);
         if (std::isnan(row.wrench_S[2])) continue;
         squares += std::pow(estimate.wrench_S[2] - row.wrench_S[2], 2);
         ++labelled;

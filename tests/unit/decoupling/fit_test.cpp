@@ -248,7 +248,7 @@ TEST(Fit, ALabelThatIsLeftOutSetsNoFullScale) {
     EXPECT_EQ(report.components[0].rows, 198);
     EXPECT_LT(report.calibration.full_scale[0], 2);  // N
     EXPECT_LT(report.components[0].spread, 2);
-    EXPECT_EQ(decouple(*make_decoupler(report.calibration), {4, 0, 4}).quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(decouple(*make_decoupler(report.calibration), {4, 0, 4}).quality(), TACTILED_UNCERTAIN);
 }
 
 TEST(Fit, SaysWhenAChannelIsTheLabel) {
@@ -319,7 +319,7 @@ TEST(FitTable, RecoversGainsZeroAndNoise) {
         for (std::size_t k = 0; k < channels.size(); ++k)
             EXPECT_NEAR(report.calibration.zero[k], 0.001 * (channels[k][1] - '1'), 1e-5);
         const auto decoupler = make_decoupler(report.calibration);
-        EXPECT_EQ(decouple(*decoupler, report.calibration.zero).quality, TACTILED_GOOD);
+        EXPECT_EQ(decouple(*decoupler, report.calibration.zero).quality(), TACTILED_GOOD);
         for (const auto& component : report.components) EXPECT_LT(component.held_out_rms, 0.002);  // N
     }
 }

@@ -154,7 +154,7 @@ inline HairErrors errors_on(Decoupler& decoupler, const std::vector<LabelledRow>
     HairErrors errors;
     for (const auto& row : session) {
         const Estimate estimate = decouple(decoupler, row.channel, missing);
-        errors.good += estimate.quality == TACTILED_GOOD ? 1 : 0;
+        errors.good += estimate.quality() == TACTILED_GOOD ? 1 : 0;
         ++errors.rows;
         for (std::size_t c = 0; c < 3; ++c) {
             const double error = 100 * (estimate.wrench_S[c] - row.wrench_S[c]) / (kHairRange_Pa * kCap_m2);

@@ -33,7 +33,7 @@ TEST_P(HairBy, ReadsEveryDirection) {
             const Stress stress{sigma, 1733 * std::cos(alpha), 1733 * std::sin(alpha)};
             const Estimate estimate = decouple(*decoupler, HairSensor::ideal().reading(stress));
             expect_force(estimate, stress, 1e-9);
-            EXPECT_EQ(estimate.quality, TACTILED_GOOD);
+            EXPECT_EQ(estimate.quality(), TACTILED_GOOD);
             EXPECT_LT(estimate.residual, 1e-6);
             EXPECT_TRUE(std::isnan(estimate.wrench_S[3]));
         }
@@ -65,7 +65,7 @@ TEST_P(HairBy, SurvivesEachDeadHairWithALargerStandardDeviation) {
             const Estimate estimate = decouple(*decoupler, reading, 0, at_rail ? 1u << dead : 0);
             SCOPED_TRACE(dead);
             expect_force(estimate, stress, 1e-9);
-            EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN);
+            EXPECT_EQ(estimate.quality(), TACTILED_UNCERTAIN);
             EXPECT_EQ(estimate.reasons, std::uint32_t{at_rail ? TACTILED_SATURATED : TACTILED_MISSING_CHANNEL});
             EXPECT_TRUE(std::isnan(estimate.residual));
             // Normal stress from a pair instead of two; the shear of the whole pair is unchanged; that of the single
@@ -81,7 +81,7 @@ TEST_P(HairBy, TwoDeadHairsAreBad) {
     const auto reading = HairSensor::ideal().reading({1200, 700, -900});
     for (const std::uint32_t dead : {0b0011u, 0b0101u, 0b1010u, 0b1100u, 0b1111u}) {
         const Estimate estimate = decouple(*decoupler, reading, dead);
-        EXPECT_EQ(estimate.quality, TACTILED_BAD);
+        EXPECT_EQ(estimate.quality(), TACTILED_BAD);
         EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_MISSING_CHANNEL});
         EXPECT_TRUE(std::isnan(estimate.wrench_S[2]));
     }
@@ -105,7 +105,7 @@ TEST_P(HairBy, NoiseAloneIsNoDisagreement) {
     double squares = 0;
     for (int i = 0; i < 100000; ++i) {
         const Estimate estimate = decouple(*decoupler, {noise(random), noise(random), noise(random), noise(random)});
-        ASSERT_EQ(estimate.quality, TACTILED_GOOD);
+        ASSERT_EQ(estimate.quality(), TACTILED_GOOD);
         squares += estimate.residual * estimate.residual;
     }
     EXPECT_NEAR(std::sqrt(squares / 100000), 1.0, 0.01);  // the residual is in standard deviations
@@ -125,8 +125,8 @@ TEST_P(HairBy, IsFiniteOrBadForEveryPatternOfBrokenNumbers) {
             const Estimate estimate =
                 decouple(*decoupler, reading, std::uint32_t(random() & random()), std::uint32_t(random() & random()));
             for (std::size_t c = 0; c < 3; ++c)
-                ASSERT_EQ(std::isfinite(estimate.wrench_S[c]), estimate.quality != TACTILED_BAD);
-            if (estimate.quality != TACTILED_GOOD) { ASSERT_NE(estimate.reasons, 0u); }
+                ASSERT_EQ(std::isfinite(estimate.wrench_S[c]), estimate.quality() != TACTILED_BAD);
+            if (estimate.quality() != TACTILED_GOOD) { ASSERT_NE(estimate.reasons, 0u); }
         }
         expect_force(decouple(*decoupler, {0, 0, 0, 0}), {0, 0, 0}, leaks ? 1 : 1e-9);  // no state remains
     }
@@ -182,7 +182,7 @@ TEST_P(HairBy, OnePairSeesItsAxis) {
         EXPECT_NEAR(estimate.wrench_S[x ? 0 : 1], 500 * kCap_m2, 0.1 * kCap_m2);
         EXPECT_NEAR(estimate.wrench_S[2], -1500 * kCap_m2, 0.1 * kCap_m2);
         EXPECT_TRUE(std::isnan(estimate.wrench_S[x ? 1 : 0]));
-        EXPECT_EQ(decouple(*decoupler, {a + b, a - b}, 1).quality, TACTILED_BAD);  // one hair, two unknowns
+        EXPECT_EQ(decouple(*decoupler, {a + b, a - b}, 1).quality(), TACTILED_BAD);  // one hair, two unknowns
     }
 }
 

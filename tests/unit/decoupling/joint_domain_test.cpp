@@ -29,7 +29,7 @@ protected:
     void judge(std::vector<double> channel, double label_N, Share& share) {
         const Estimate estimate = decouple(*decoupler, channel);
         ++share.rows;
-        if (estimate.quality != TACTILED_GOOD) return;
+        if (estimate.quality() != TACTILED_GOOD) return;
         ++share.good;
         share.wrong += std::abs(estimate.wrench_S[2] - label_N) > 0.1 * calibration.full_scale[0];
     }
@@ -171,7 +171,7 @@ TEST_F(LoadCell, AGaugeThatDiedUnderLoadIsOutside) {
             if (std::abs(channel[dead]) < 0.3) continue;  // skips loads under which it hardly changes
             channel[dead] = 0;
             ++total;
-            good += decouple(*decoupler, channel).quality == TACTILED_GOOD;
+            good += decouple(*decoupler, channel).quality() == TACTILED_GOOD;
         }
     EXPECT_GT(total, 100);
     EXPECT_LE(good, total / 50);
@@ -211,10 +211,10 @@ Calibration by_hand() {
 TEST(JointDomain, TheStandardDeviationGrowsWithTheDistance) {
     const auto decoupler = make_decoupler(by_hand());
     const Estimate inside = decouple(*decoupler, {2, 2});
-    EXPECT_EQ(inside.quality, TACTILED_GOOD);
+    EXPECT_EQ(inside.quality(), TACTILED_GOOD);
     EXPECT_EQ(inside.sd[2], 0.5);
     const Estimate outside = decouple(*decoupler, {1, 2});  // d = 10
-    EXPECT_EQ(outside.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(outside.quality(), TACTILED_UNCERTAIN);
     EXPECT_EQ(outside.reasons, TACTILED_OUTSIDE_DOMAIN);
     EXPECT_NEAR(outside.sd[2], 0.5 * 10 / 2, 1e-12);
     EXPECT_EQ(outside.wrench_S[2], 3);
@@ -222,11 +222,11 @@ TEST(JointDomain, TheStandardDeviationGrowsWithTheDistance) {
 
 TEST(JointDomain, AMissingChannelAndAnyBitsAreLeftToTheMethod) {
     const auto decoupler = make_decoupler(by_hand());
-    EXPECT_EQ(decouple(*decoupler, {1, kNaN}, 2).quality, TACTILED_BAD);
+    EXPECT_EQ(decouple(*decoupler, {1, kNaN}, 2).quality(), TACTILED_BAD);
     for (const double odd : {kNaN, 1e300, -1e300, std::numeric_limits<double>::infinity()}) {
         const Estimate estimate = decouple(*decoupler, {odd, 1});
-        EXPECT_NE(estimate.quality, TACTILED_GOOD) << odd;
-        if (estimate.quality == TACTILED_UNCERTAIN) { EXPECT_TRUE(std::isfinite(estimate.sd[2])) << odd; }
+        EXPECT_NE(estimate.quality(), TACTILED_GOOD) << odd;
+        if (estimate.quality() == TACTILED_UNCERTAIN) { EXPECT_TRUE(std::isfinite(estimate.sd[2])) << odd; }
     }
 }
 
@@ -235,8 +235,8 @@ TEST(JointDomain, ServesEachMethodOfAuto) {
     calibration.channel_least = {-100, -100};
     calibration.channel_most = {100, 100};
     const auto decoupler = make_decoupler(calibration, "auto", 1000);
-    EXPECT_EQ(decouple(*decoupler, {1, 2}).quality, TACTILED_UNCERTAIN);
-    EXPECT_EQ(decouple(*decoupler, {2, 2}).quality, TACTILED_GOOD);
+    EXPECT_EQ(decouple(*decoupler, {1, 2}).quality(), TACTILED_UNCERTAIN);
+    EXPECT_EQ(decouple(*decoupler, {2, 2}).quality(), TACTILED_GOOD);
 }
 
 TEST(JointDomain, ComesBackToTheLastBit) {

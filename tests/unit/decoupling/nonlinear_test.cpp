@@ -123,7 +123,7 @@ TEST(Nonlinear, GoesOnAsAStraightLineOutsideAndSaysSo) {
         Estimate e[3];
         for (int step = 0; step < 3; ++step) {
             e[step] = decouple(*decoupler, far[step]);
-            EXPECT_EQ(e[step].quality, TACTILED_UNCERTAIN) << method;
+            EXPECT_EQ(e[step].quality(), TACTILED_UNCERTAIN) << method;
             EXPECT_TRUE((e[step].reasons & TACTILED_OUTSIDE_DOMAIN) != 0) << method;
         }
         for (const std::size_t c : {std::size_t(0), std::size_t(2)})
@@ -140,7 +140,7 @@ TEST(Nonlinear, IsFiniteOrBadForAnyBits) {
             std::vector<double> channel = bent(0.3, -0.4);
             channel[std::size_t(i) % 3] = std::bit_cast<double>(random());
             const Estimate e = decouple(*decoupler, channel);
-            if (e.quality == TACTILED_BAD)
+            if (e.quality() == TACTILED_BAD)
                 EXPECT_TRUE(std::isnan(e.wrench_S[0]) && std::isnan(e.wrench_S[2]));
             else
                 EXPECT_TRUE(std::isfinite(e.wrench_S[0]) && std::isfinite(e.wrench_S[2])) << method;
@@ -245,9 +245,9 @@ TEST(Auto, WeighsEachComponentByItsFullScaleAndItsSlope) {
 TEST(Auto, AMethodThatWasNotFittedHasNoStandardDeviation) {
     const Calibration quadratic = fitted("quadratic", bent_rows(500, 1e-3)).calibration;
     const Estimate own = decouple(*make_decoupler(quadratic), bent(0.5, 0.5));
-    EXPECT_EQ(own.quality, TACTILED_GOOD);
+    EXPECT_EQ(own.quality(), TACTILED_GOOD);
     const Estimate other = decouple(*make_decoupler(quadratic, "matrix"), bent(0.5, 0.5));
-    EXPECT_EQ(other.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(other.quality(), TACTILED_UNCERTAIN);
     EXPECT_EQ(other.reasons, std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY));
     EXPECT_TRUE(std::isnan(other.sd[2]));
 }

@@ -61,10 +61,10 @@ protected:
             last = decoupler->decouple({.channel = channel, .t_ns = t_ns_});
             ++samples_;
             const double error = last.wrench_S[2] - load[2];
-            if (last.quality == TACTILED_GOOD) {
+            if (last.quality() == TACTILED_GOOD) {
                 ++good;
                 wrong += std::abs(error) > 5 * last.sd[2];
-            } else if (last.quality == TACTILED_UNCERTAIN && std::isfinite(last.sd[2])) {
+            } else if (last.quality() == TACTILED_UNCERTAIN && std::isfinite(last.sd[2])) {
                 ++named;
                 within += std::abs(error) <= 2 * last.sd[2];
             }
@@ -102,7 +102,7 @@ TEST_F(Redundant, AChannelThatSticksIsNamedAndReplacedWithATrueStandardDeviation
         EXPECT_GE(within, named * 9 / 10) << k;
         EXPECT_EQ(last.reasons & TACTILED_DISAGREEMENT, unsigned(TACTILED_DISAGREEMENT)) << k;
         run(1000, [](auto&) {});
-        EXPECT_EQ(last.quality, TACTILED_GOOD) << k;  // it works again
+        EXPECT_EQ(last.quality(), TACTILED_GOOD) << k;  // it works again
     }
 }
 
@@ -117,7 +117,7 @@ TEST_F(Redundant, HalfGainIsNotGoodAndWrong) {
 TEST_F(Redundant, TwoDamagedChannelsHaveNoStandardDeviation) {
     run(5'000, [](auto& channel) { channel[0] = 0.3, channel[3] = -0.4; });
     EXPECT_LE(wrong, samples_ / 100);
-    EXPECT_EQ(last.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(last.quality(), TACTILED_UNCERTAIN);
     EXPECT_NE(last.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);
     EXPECT_TRUE(std::isnan(last.sd[2]));
 }
@@ -125,7 +125,7 @@ TEST_F(Redundant, TwoDamagedChannelsHaveNoStandardDeviation) {
 TEST_F(Redundant, AMissingChannelIsLeftToTheMethod) {
     std::vector<double> channel = reading(random_load());
     channel[1] = kNaN;
-    EXPECT_EQ(decouple(*decoupler, channel, 2).quality, TACTILED_BAD);
+    EXPECT_EQ(decouple(*decoupler, channel, 2).quality(), TACTILED_BAD);
 }
 
 // A load that the rows do not cover curves the channels more than their predictions: outside the domain, and not a damage.
@@ -225,7 +225,7 @@ TEST(Parity, ChannelsThatCannotBeDistinguishedAreNotReplacedAndTheStandardDeviat
         const Estimate shifted = make_decoupler(calibration)->decouple({.channel = channel, .t_ns = 1});  // no alarm yet
         Estimate last;
         for (std::uint64_t i = 1; i < 100; ++i) last = decoupler->decouple({.channel = channel, .t_ns = i * 1'000'000});
-        EXPECT_EQ(last.quality, TACTILED_UNCERTAIN);
+        EXPECT_EQ(last.quality(), TACTILED_UNCERTAIN);
         EXPECT_NE(last.reasons & TACTILED_DISAGREEMENT, 0u);
         EXPECT_GT(last.sd[0], 5 * plain);
         EXPECT_EQ(last.wrench_S[0], shifted.wrench_S[0]);  // it is not replaced

@@ -154,9 +154,9 @@ TEST(PiezoFit, ReadsWhatItHasNotSeenAndStatesHowWell) {
         const Estimate estimate = decoupler->decouple({.channel = row.channel, .t_ns = row.t_ns});
         const double error = estimate.wrench_S[2] - row.wrench_S[2];
         squares += error * error;
-        good += estimate.quality == TACTILED_GOOD ? 1 : 0;
+        good += estimate.quality() == TACTILED_GOOD ? 1 : 0;
         within += std::abs(error) <= estimate.sd[2] ? 1 : 0;
-        beyond += estimate.quality == TACTILED_GOOD && std::abs(error) > 5 * estimate.sd[2] ? 1 : 0;
+        beyond += estimate.quality() == TACTILED_GOOD && std::abs(error) > 5 * estimate.sd[2] ? 1 : 0;
     }
     const double rms = std::sqrt(squares / double(other.rows.size()));
     std::printf("piezo, fitted: rms %.3f %% of 10 N on another recording (held out %.3f %%), %.1f %% within one sd\n",

@@ -168,7 +168,7 @@ TEST(Piezo, AnOffsetForAnHourStaysBounded) {
     Estimate estimate;
     for (int i = 0; i < 3'600'000; ++i) press = press_of(*decoupler, i * 1e-3, 0.0768 + 1e-4, 1.3039, &estimate);
     EXPECT_LT(std::abs(press), 1.2 * 1e-4 / 0.2917);  // N: offset * fusion_tau / leak_tau, and the window's delay
-    EXPECT_EQ(estimate.quality, TACTILED_GOOD);
+    EXPECT_EQ(estimate.quality(), TACTILED_GOOD);
 }
 
 TEST(Piezo, FollowsASteadyForceAndAStepAtOnce) {
@@ -196,9 +196,9 @@ TEST(Piezo, AChannelThatSticksContradictsTheOther) {
             Estimate estimate;
             const double press = press_of(*decoupler, t, V + 0.0768, seen, &estimate);
             if (t < 0.1) continue;
-            if (t < 2) { EXPECT_EQ(estimate.quality, TACTILED_GOOD) << t; }
+            if (t < 2) { EXPECT_EQ(estimate.quality(), TACTILED_GOOD) << t; }
             if (t < 2.21) continue;  // one window has shown it; a Cn that repeats its number counts after two
-            EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN) << t;
+            EXPECT_EQ(estimate.quality(), TACTILED_UNCERTAIN) << t;
             EXPECT_NE(estimate.reasons & TACTILED_DISAGREEMENT, 0u);
             EXPECT_LT(std::abs(press - 6), 2 * estimate.sd[2]) << t;
         }
@@ -217,7 +217,7 @@ TEST(Piezo, ASmallDifferenceOfTheChannelsIsInTheStandardDeviation) {
         const double press =
             press_of(*decoupler, t, 0.0768, centre_pF(windows * kWindow_s <= 2.0 + 1e-9 ? 1 : after), &estimate);
         if (t < 1) continue;
-        EXPECT_EQ(estimate.quality, TACTILED_GOOD) << t;
+        EXPECT_EQ(estimate.quality(), TACTILED_GOOD) << t;
         if (t < 2) { EXPECT_NEAR(estimate.sd[2], sd, 0.1 * sd) << t; }
         if (t > 2.11) { EXPECT_LT(std::abs(press - after), 2.1 * estimate.sd[2]) << t; }
     }
@@ -270,11 +270,11 @@ TEST(Piezo, RunsOnCnAloneWhileTheFilmIsMissing) {
     const std::vector<double> channel{kNaN, centre_pF(3)};
     const Estimate estimate = decoupler->decouple({.channel = channel, .t_ns = 5});
     EXPECT_NEAR(estimate.wrench_S[2], -3, 1e-12);
-    EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(estimate.quality(), TACTILED_UNCERTAIN);
     EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_MISSING_CHANNEL | TACTILED_UNKNOWN_UNCERTAINTY});
     EXPECT_TRUE(std::isnan(estimate.sd[2]));
     const std::vector<double> without{0.1, kNaN};
-    EXPECT_EQ(decoupler->decouple({.channel = without, .t_ns = 6}).quality, TACTILED_BAD);
+    EXPECT_EQ(decoupler->decouple({.channel = without, .t_ns = 6}).quality(), TACTILED_BAD);
 }
 
 TEST(Piezo, IsFiniteOrBadForAnyBitsAndRecoversFromThem) {
@@ -296,8 +296,8 @@ TEST(Piezo, IsFiniteOrBadForAnyBitsAndRecoversFromThem) {
                                      .missing = std::uint32_t(random() & random() & random()),
                                      .saturated = std::uint32_t(random() & random()),
                                      .t_ns = i % 7 == 0 ? random() : 1'000'000'000 + random() % 1'000'000'000});
-            ASSERT_EQ(std::isfinite(estimate.wrench_S[2]), estimate.quality != TACTILED_BAD);
-            if (estimate.quality == TACTILED_GOOD) { ASSERT_LT(std::abs(estimate.wrench_S[2]), 11); }
+            ASSERT_EQ(std::isfinite(estimate.wrench_S[2]), estimate.quality() != TACTILED_BAD);
+            if (estimate.quality() == TACTILED_GOOD) { ASSERT_LT(std::abs(estimate.wrench_S[2]), 11); }
         }
         // Valid readings again: within 20 time constants the state is as if nothing had happened.
         t += 100;

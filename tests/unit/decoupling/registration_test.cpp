@@ -72,7 +72,7 @@ TEST(Registration, AModelInOneFileIsListedFittedAndRun) {
     EXPECT_EQ(calibration.method, "line");
     EXPECT_NEAR(calibration.parameters.at("gain"), 0.5, 1e-3);
     const Estimate estimate = decouple(*make_decoupler(calibration), {0.6});
-    EXPECT_EQ(estimate.quality, TACTILED_GOOD);
+    EXPECT_EQ(estimate.quality(), TACTILED_GOOD);
     EXPECT_NEAR(estimate.wrench_S[2], -1, 3e-3);
     EXPECT_EQ(make_decoupler(calibration, "auto", 1e6)->method(), "line");
     EXPECT_STREQ(find_fit("load_cell", "line")->channel_unit, "mV/V");

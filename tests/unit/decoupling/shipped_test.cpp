@@ -73,7 +73,7 @@ TEST(Shipped, SkinDemoIsPressedTwice) {
                       const double fz = estimate.wrench_S[2];
                       min = std::min(min, fz);
                       ++rows;
-                      flagged += estimate.quality == TACTILED_GOOD ? 0 : 1;
+                      flagged += estimate.quality() == TACTILED_GOOD ? 0 : 1;
                       if (!pressed && fz < -20) ++presses;
                       pressed = pressed ? fz < -5 : fz < -20;
                   });
@@ -109,7 +109,7 @@ TEST(Shipped, HairDocumentsHaveThePapersSensitivities) {
     const double area_m2 = 2.827e-5;
     const auto expect = [&](const std::vector<double>& hairs, double fx_Pa, double fy_Pa, double fz_Pa, double within_Pa) {
         const Estimate estimate = decouple(*decoupler, hairs);
-        EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN);
+        EXPECT_EQ(estimate.quality(), TACTILED_UNCERTAIN);
         EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_UNKNOWN_UNCERTAINTY});
         EXPECT_NEAR(estimate.wrench_S[0] / area_m2, fx_Pa, within_Pa);
         EXPECT_NEAR(estimate.wrench_S[1] / area_m2, fy_Pa, within_Pa);

@@ -37,12 +37,12 @@ TEST(TableMap, FindsPointAndForceAnywhereBetweenTheNodes) {
             points.push_back(error.point_m);
             forces.push_back(error.force);
             normals.push_back(error.normal);
-            if (estimate.quality == TACTILED_GOOD) {
+            if (estimate.quality() == TACTILED_GOOD) {
                 within_sd += std::abs(estimate.wrench_S[2] - truth.force_N[2]) < estimate.sd[2] ? 1 : 0;
                 good_points.push_back(error.point_m);
                 good_forces.push_back(error.force);
             }
-            good += estimate.quality == TACTILED_GOOD ? 1 : 0;
+            good += estimate.quality() == TACTILED_GOOD ? 1 : 0;
             const Estimate straight = decouple(*linear, reading);
             linear_forces.push_back(error_of(straight, truth).force);
             wrong_sign += straight.wrench_S[2] > 0 ? 1 : 0;
@@ -85,7 +85,7 @@ TEST(TableMap, NoFirstTouchIsGoodAndFarOff) {
             const auto reading = noisy(strains(truth), noise, random);
             (void)map->decouple({.channel = {}});
             const Estimate estimate = decouple(*map, reading);
-            if (estimate.quality != TACTILED_GOOD) continue;
+            if (estimate.quality() != TACTILED_GOOD) continue;
             const auto& f = truth.force_N;
             const std::array<double, 5> right{f[0], f[1], f[2], truth.y_m * f[2], -truth.x_m * f[2]};
             bool is_far = false;
@@ -154,7 +154,7 @@ TEST(TableMap, TheForceIsAsGoodAsTheNoiseAllows) {
         beyond += bound > 0.03 ? 1 : 0;
         within += error < 0.03 ? 1 : 0;
         at_the_bound += (inverse.topRows<3>() * e).norm() < 0.03 * force.norm() ? 1 : 0;
-        if (estimate.quality != TACTILED_GOOD) continue;
+        if (estimate.quality() != TACTILED_GOOD) continue;
         ++good;
         ratios.push_back(error / bound);
         errors2 += error * error;

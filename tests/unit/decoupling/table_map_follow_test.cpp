@@ -42,13 +42,13 @@ TEST(TableMap, AJumpIsSearchedAnew) {
     const auto warm = make_decoupler(map_calibration()), cold = make_decoupler(map_calibration());
     std::mt19937_64 random(3);
     int good = 0, pulls = 0, cold_pulls = 0;
-    const auto is_pull = [](const Estimate& e) { return e.quality == TACTILED_GOOD && e.wrench_S[2] > -0.3; };  // N
+    const auto is_pull = [](const Estimate& e) { return e.quality() == TACTILED_GOOD && e.wrench_S[2] > -0.3; };  // N
     for (int jump = 0; jump < 2000; ++jump) {
         const Contact contact = random_contact(random, 0.6e-3, 0.6, 0.35);
         const auto reading = strains(contact);
         for (int i = 0; i < 4; ++i) {
             const Estimate estimate = decouple(*warm, reading);
-            good += estimate.quality == TACTILED_GOOD ? 1 : 0;
+            good += estimate.quality() == TACTILED_GOOD ? 1 : 0;
             pulls += is_pull(estimate) ? 1 : 0;
             (void)cold->decouple({.channel = {}});
             cold_pulls += is_pull(decouple(*cold, reading)) ? 1 : 0;

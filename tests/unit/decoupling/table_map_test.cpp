@@ -80,7 +80,7 @@ TEST(TableMap, FindsADeadGaugeAndGoesOnWithoutIt) {
     reading[4] = 0;
     for (int i = 0; i < 3; ++i) {
         const Estimate estimate = decouple(*map, reading);
-        EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN);
+        EXPECT_EQ(estimate.quality(), TACTILED_UNCERTAIN);
         EXPECT_NE(estimate.reasons & TACTILED_DISAGREEMENT, 0u);
         EXPECT_NE(estimate.reasons & TACTILED_MISSING_CHANNEL, 0u);
         EXPECT_LT(error_of(estimate, truth).force, 0.05);
@@ -93,10 +93,10 @@ TEST(TableMap, FindsADeadGaugeAndGoesOnWithoutIt) {
 TEST(TableMap, RestIsGoodAndASmallForceHasNoPoint) {
     const auto map = make_decoupler(map_calibration());
     const Estimate rest = decouple(*map, std::vector<double>(8, 0.0));
-    EXPECT_EQ(rest.quality, TACTILED_GOOD);
+    EXPECT_EQ(rest.quality(), TACTILED_GOOD);
     for (std::size_t c = 0; c < 5; ++c) EXPECT_EQ(rest.wrench_S[c], 0);
     const Estimate small = decouple(*map, strains({0.66e-3, 0.02e-3, {0, 0, -0.01}}));  // 10 mN above a column
-    EXPECT_EQ(small.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(small.quality(), TACTILED_UNCERTAIN);
     EXPECT_NE(small.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);
     EXPECT_EQ(small.wrench_S[3], 0);
     EXPECT_EQ(small.wrench_S[4], 0);
@@ -105,7 +105,7 @@ TEST(TableMap, RestIsGoodAndASmallForceHasNoPoint) {
 TEST(TableMap, WhatNoPointExplainsIsDisagreement) {
     const auto map = make_decoupler(map_calibration());
     const Estimate estimate = decouple(*map, {1e-3, -1e-3, -1e-3, 1e-3, 1e-3, 1e-3, -1e-3, 1e-3});
-    EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(estimate.quality(), TACTILED_UNCERTAIN);
     EXPECT_NE(estimate.reasons & TACTILED_DISAGREEMENT, 0u);
     EXPECT_TRUE(std::isnan(estimate.sd[2]));
 }
@@ -123,8 +123,8 @@ TEST(TableMap, IsFiniteOrBadForEveryPatternOfBrokenNumbers) {
         const Estimate estimate = decouple(*map, reading, std::uint32_t(random() & random() & random()),
                                            std::uint32_t(random() & random() & random()));
         for (std::size_t c = 0; c < 5; ++c)
-            ASSERT_EQ(std::isfinite(estimate.wrench_S[c]), estimate.quality != TACTILED_BAD) << i;
-        if (estimate.quality != TACTILED_GOOD) { ASSERT_NE(estimate.reasons, 0u); }
+            ASSERT_EQ(std::isfinite(estimate.wrench_S[c]), estimate.quality() != TACTILED_BAD) << i;
+        if (estimate.quality() != TACTILED_GOOD) { ASSERT_NE(estimate.reasons, 0u); }
         ASSERT_TRUE(std::isnan(estimate.wrench_S[5]));
     }
     EXPECT_LT(error_of(decouple(*map, strains(truth)), truth).force, 0.02);  // the state was not corrupted

@@ -57,7 +57,7 @@ TEST(TableMatrix, ReadsForcesAndMomentsOfEightGauges) {
     const auto decoupler = make_decoupler(matrix_calibration(all_gauges(), kAll));
     const Estimate estimate = decouple(*decoupler, strains_of(kLoad));
     expect_load(estimate, kLoad, 1e-12);
-    EXPECT_EQ(estimate.quality, TACTILED_GOOD);
+    EXPECT_EQ(estimate.quality(), TACTILED_GOOD);
     EXPECT_LT(estimate.residual, 1e-6);
 }
 
@@ -79,10 +79,10 @@ TEST(TableMatrix, SolvesFromAnySubsetOrIsBad) {
         const Estimate estimate = decouple(*decoupler, whole, 0xFFu & ~usable);
         SCOPED_TRACE(usable);
         if (std::popcount(usable) < 5 || (usable & 0b10101010u) == 0) {
-            EXPECT_EQ(estimate.quality, TACTILED_BAD);
+            EXPECT_EQ(estimate.quality(), TACTILED_BAD);
             EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_MISSING_CHANNEL});
         }
-        if (estimate.quality == TACTILED_BAD) continue;
+        if (estimate.quality() == TACTILED_BAD) continue;
         ++solved;
         expect_load(estimate, kLoad, 1e-10);
         if (usable == 0xFF) continue;
@@ -127,10 +127,10 @@ TEST(TableMatrix, TheInnerFourDoNotTellFxFromMy) {
     const Estimate estimate = decouple(*decoupler, {whole[0], whole[2], whole[4], whole[6]});
     EXPECT_NEAR(estimate.wrench_S[0], 0.3, 1e-12);
     EXPECT_TRUE(std::isnan(estimate.wrench_S[4]));
-    EXPECT_EQ(estimate.quality, TACTILED_GOOD);
+    EXPECT_EQ(estimate.quality(), TACTILED_GOOD);
     // Eight gauges of which the outer ones are lost.
     const auto eight = make_decoupler(matrix_calibration(all_gauges(), kAll));
-    EXPECT_EQ(decouple(*eight, whole, 0b10101010u).quality, TACTILED_BAD);
+    EXPECT_EQ(decouple(*eight, whole, 0b10101010u).quality(), TACTILED_BAD);
 }
 
 TEST(TableMatrix, FindsADeadGaugeAndDropsOneAtItsSaturationLimit) {
@@ -159,7 +159,8 @@ TEST(TableMatrix, IsFiniteOrBadForEveryPatternOfBrokenNumbers) {
         for (int k = 0; k < 8; ++k) reading.push_back(kinds[random() % kinds.size()]);
         const Estimate estimate = decouple(*decoupler, reading, std::uint32_t(random() & random() & random()),
                                            std::uint32_t(random() & random() & random()));
-        for (std::size_t c = 0; c < 5; ++c) ASSERT_EQ(std::isfinite(estimate.wrench_S[c]), estimate.quality != TACTILED_BAD);
+        for (std::size_t c = 0; c < 5; ++c)
+            ASSERT_EQ(std::isfinite(estimate.wrench_S[c]), estimate.quality() != TACTILED_BAD);
     }
 }
 

@@ -45,7 +45,7 @@ TEST(TableNonlinear, UndoesTheCurveOfThePress) {
         worst = std::max(worst, std::abs(estimate.wrench_S[2] + n) / n);
         worst_linear = std::max(worst_linear, std::abs(softened(n) - n) / n);
         ASSERT_NEAR(estimate.wrench_S[0], 0.2, 1e-12);
-        ASSERT_EQ(estimate.quality, TACTILED_GOOD);
+        ASSERT_EQ(estimate.quality(), TACTILED_GOOD);
     }
     std::printf("press 0 .. 5 N on the curve of the finite elements: linear %.1f %%, nonlinear %.3f %% wrong at most\n",
                 100 * worst_linear, 100 * worst);

@@ -68,7 +68,7 @@ TEST(TableSigns, MarksRowsWhoseSignsTheDominanceOfThePressChanges) {
             const bool as_printed = tangential_N > 1.79 * 0.5;
             EXPECT_EQ(signs_of(reading), as_printed ? row.signs : "++++");
             EXPECT_EQ(estimate.reasons, as_printed ? 0u : std::uint32_t{TACTILED_DISAGREEMENT});
-            EXPECT_EQ(estimate.quality, as_printed ? TACTILED_GOOD : TACTILED_UNCERTAIN);
+            EXPECT_EQ(estimate.quality(), as_printed ? TACTILED_GOOD : TACTILED_UNCERTAIN);
         }
     }
 }
@@ -81,13 +81,13 @@ TEST(TableSigns, TheSumDecidesTheFourPairsAndSaysWhereItHardlyDoes) {
         const Row& row = kRows[pair - 1];
         const auto at = [&](double press_N) { return decouple(*decoupler, reading_of(0.6 * row.x, 0.6 * row.y, press_N)); };
         EXPECT_EQ(at(0).direction, pair);
-        EXPECT_EQ(at(0).quality, TACTILED_GOOD);
+        EXPECT_EQ(at(0).quality(), TACTILED_GOOD);
         EXPECT_EQ(at(0.9 * band_N).direction, pair);
         EXPECT_EQ(at(0.9 * band_N).reasons, std::uint32_t{TACTILED_DISAGREEMENT});
         EXPECT_EQ(at(1.1 * band_N).direction, pair + 8);
         EXPECT_EQ(at(1.1 * band_N).reasons, std::uint32_t{TACTILED_DISAGREEMENT});
         EXPECT_EQ(at(2.1 * band_N).direction, pair + 8);
-        EXPECT_EQ(at(2.1 * band_N).quality, TACTILED_GOOD);
+        EXPECT_EQ(at(2.1 * band_N).quality(), TACTILED_GOOD);
     }
 }
 
@@ -95,7 +95,7 @@ TEST(TableSigns, RestIsNoDirectionAndAPullIsNoRow) {
     const auto decoupler = make_decoupler(signs_calibration());
     const Estimate rest = decouple(*decoupler, reading_of(0, 0, 0));
     EXPECT_EQ(rest.direction, 0u);
-    EXPECT_EQ(rest.quality, TACTILED_GOOD);
+    EXPECT_EQ(rest.quality(), TACTILED_GOOD);
     EXPECT_EQ(rest.wrench_S[2], 0);
     const Estimate pull = decouple(*decoupler, reading_of(0, 0, -0.5));
     EXPECT_EQ(pull.direction, 0u);
@@ -139,7 +139,7 @@ TEST(TableSigns, AGaugeThatContradictsTheOthersIsDisagreementAndAMissingOneIsBad
     const Estimate dead = decouple(*decoupler, reading);
     EXPECT_NE(dead.reasons & TACTILED_DISAGREEMENT, 0u);
     EXPECT_TRUE(std::isnan(dead.sd[0]));
-    EXPECT_EQ(decouple(*decoupler, reading, 1u).quality, TACTILED_BAD);
+    EXPECT_EQ(decouple(*decoupler, reading, 1u).quality(), TACTILED_BAD);
     EXPECT_EQ(decouple(*decoupler, {1e308, -1e308, 1e308, 1e308}).direction > 17, false);
 }
 

@@ -53,7 +53,7 @@ TEST_P(TableOf, ReadsEveryDirectionAndEveryRowOfTheSignTable) {
                 const Estimate estimate = decouple(*decoupler, reading_of(GetParam(), f));
                 SCOPED_TRACE(testing::Message() << x << y << z);
                 expect_force(estimate, f, 1e-15);
-                EXPECT_EQ(estimate.quality, TACTILED_GOOD);
+                EXPECT_EQ(estimate.quality(), TACTILED_GOOD);
                 EXPECT_LT(estimate.residual, 1e-9);
             }
 }
@@ -76,7 +76,7 @@ TEST_P(TableOf, SurvivesEachMissingGaugeWithALargerStandardDeviation) {
         const Estimate estimate = decouple(*decoupler, reading);
         SCOPED_TRACE(GetParam()[k]);
         expect_force(estimate, f, 2e-15);
-        EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN);
+        EXPECT_EQ(estimate.quality(), TACTILED_UNCERTAIN);
         EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_MISSING_CHANNEL});
         const double sum_of_sd = estimate.sd[0] + estimate.sd[1] + estimate.sd[2];
         EXPECT_GT(sum_of_sd, 0.04 * 1.01);  // N; 0.04 with all gauges
@@ -105,8 +105,8 @@ TEST_P(TableOf, IsFiniteOrBadForEveryPatternOfBrokenNumbers) {
         const Estimate estimate =
             decouple(*decoupler, reading, std::uint32_t(random() & random()), std::uint32_t(random() & random() & random()));
         for (const double component : {estimate.wrench_S[0], estimate.wrench_S[1], estimate.wrench_S[2]})
-            ASSERT_EQ(std::isfinite(component), estimate.quality != TACTILED_BAD);
-        if (estimate.quality == TACTILED_GOOD) {
+            ASSERT_EQ(std::isfinite(component), estimate.quality() != TACTILED_BAD);
+        if (estimate.quality() == TACTILED_GOOD) {
             for (const double number : reading) ASSERT_LT(std::abs(number), 1e3);
         } else {
             ASSERT_NE(estimate.reasons, 0u);
@@ -159,8 +159,8 @@ TEST_P(TableOf, GivesTheSameBitsTheShortWayAndTheLongWay) {
             const Estimate a = decouple(*short_way, channel, 0, saturated), b = decouple(*long_way, channel, 0, saturated);
             ASSERT_EQ(bits(a), bits(b)) << kind << " " << i;
             ASSERT_EQ(a.reasons | unsigned(TACTILED_OUTSIDE_DOMAIN), b.reasons) << kind << " " << i;
-            ASSERT_EQ(a.quality, a.reasons == 0 ? TACTILED_GOOD : TACTILED_UNCERTAIN) << kind << " " << i;
-            good += a.quality == TACTILED_GOOD;
+            ASSERT_EQ(a.quality(), a.reasons == 0 ? TACTILED_GOOD : TACTILED_UNCERTAIN) << kind << " " << i;
+            good += a.quality() == TACTILED_GOOD;
         }
     }
     EXPECT_GT(good, 2000);
@@ -192,7 +192,7 @@ TEST(Table, SubtractsTheZeroOfEachGauge) {
 TEST(Table, RestReadsZeroWithoutASign) {
     const Estimate estimate = decouple(*make_decoupler(table_calibration(inner_gauges())), {0, 0, 0, 0});
     EXPECT_FALSE(std::signbit(estimate.wrench_S[2]));
-    EXPECT_EQ(estimate.quality, TACTILED_GOOD);
+    EXPECT_EQ(estimate.quality(), TACTILED_GOOD);
 }
 
 // R5 is open and delivers 0 without any flag. Without redundancy the forces would be (-0.74, -0.2, -0.71) N.
@@ -201,7 +201,7 @@ TEST(Table, FindsADeadGaugeByTheParity) {
     reading[2] = 0;
     const Estimate estimate = decouple(*make_decoupler(table_calibration(inner_gauges())), reading);
     expect_force(estimate, {0.3, -0.2, -1.0}, 1e-15);
-    EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(estimate.quality(), TACTILED_UNCERTAIN);
     EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL});
     EXPECT_GT(estimate.residual, 6);
 }
@@ -225,7 +225,7 @@ TEST(Table, SaysDisagreementAndNoStandardDeviationWhenItCannotTellWhichGaugeIsWr
     auto reading = reading_of(inner_gauges(), {0.3, -0.2, -1.0});
     reading[2] *= 0.6;
     const Estimate estimate = decouple(*make_decoupler(table_calibration(inner_gauges())), reading);
-    EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(estimate.quality(), TACTILED_UNCERTAIN);
     EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY});
     EXPECT_TRUE(std::isnan(estimate.sd[0]));
 }
@@ -236,7 +236,7 @@ TEST(Table, OnePercentOfGainErrorIsNoDisagreement) {
         for (const double newton : {0.01, 0.1, 1.0, 10.0}) {
             auto reading = reading_of(inner_gauges(), {0.3 * newton, -0.2 * newton, -newton});
             for (std::size_t k = 0; k < 4; ++k) reading[k] *= (signs >> k & 1u) != 0 ? 1.01 : 0.99;
-            EXPECT_EQ(decouple(*decoupler, reading).quality, TACTILED_GOOD) << signs << " " << newton;
+            EXPECT_EQ(decouple(*decoupler, reading).quality(), TACTILED_GOOD) << signs << " " << newton;
         }
 }
 
@@ -251,7 +251,7 @@ TEST(Table, NoiseAloneIsNoDisagreement) {
             std::vector<double> reading(channels.size());
             for (auto& r : reading) r = noise(random);
             const Estimate estimate = decouple(*decoupler, reading);
-            ASSERT_EQ(estimate.quality, TACTILED_GOOD);
+            ASSERT_EQ(estimate.quality(), TACTILED_GOOD);
             squares += estimate.residual * estimate.residual;
         }
         EXPECT_NEAR(std::sqrt(squares / samples), 1.0, 0.01);  // the residual is in standard deviations
@@ -261,12 +261,12 @@ TEST(Table, NoiseAloneIsNoDisagreement) {
 TEST(Table, FewerThanThreeInnerGaugesAreBad) {
     const auto decoupler = make_decoupler(table_calibration(all_gauges()));
     const auto reading = reading_of(all_gauges(), {0.3, -0.2, -1.0});
-    EXPECT_EQ(decouple(*decoupler, reading, 1u << 0 | 1u << 2).quality, TACTILED_BAD);
+    EXPECT_EQ(decouple(*decoupler, reading, 1u << 0 | 1u << 2).quality(), TACTILED_BAD);
     const Estimate estimate = decouple(*decoupler, reading, 0, 1u << 2 | 1u << 4);
-    EXPECT_EQ(estimate.quality, TACTILED_BAD);
+    EXPECT_EQ(estimate.quality(), TACTILED_BAD);
     EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_SATURATED});
     EXPECT_TRUE(std::isnan(estimate.wrench_S[0]));
-    EXPECT_EQ(decouple(*decoupler, reading, 0b10101010u).quality, TACTILED_UNCERTAIN);  // all outer ones
+    EXPECT_EQ(decouple(*decoupler, reading, 0b10101010u).quality(), TACTILED_UNCERTAIN);  // all outer ones
 }
 
 TEST_P(TableOf, IsBadForAnotherNumberOfChannels) {
@@ -274,7 +274,7 @@ TEST_P(TableOf, IsBadForAnotherNumberOfChannels) {
     for (std::size_t n = 0; n < 10; ++n) {
         if (n == GetParam().size()) continue;
         const Estimate estimate = decouple(*decoupler, std::vector<double>(n, 0.0));
-        EXPECT_EQ(estimate.quality, TACTILED_BAD) << n;
+        EXPECT_EQ(estimate.quality(), TACTILED_BAD) << n;
         EXPECT_EQ(estimate.reasons, std::uint32_t{TACTILED_WRONG_DEVICE}) << n;
         EXPECT_TRUE(std::isnan(estimate.wrench_S[2])) << n;
     }

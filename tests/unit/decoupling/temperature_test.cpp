@@ -57,12 +57,12 @@ TEST_F(Warm, ThePressIsTheSameAtEachTemperatureOfTheCalibration) {
     const auto decoupler = make_decoupler(calibration);
     for (const double t_C : {16.5, 20.0, 27.5}) {
         const Estimate estimate = at(*decoupler, 1, -6, t_C, t_C);
-        EXPECT_EQ(estimate.quality, TACTILED_GOOD) << t_C;
+        EXPECT_EQ(estimate.quality(), TACTILED_GOOD) << t_C;
         EXPECT_NEAR(estimate.wrench_S[2], -6, 0.1) << t_C;
         EXPECT_NEAR(estimate.wrench_S[0], 1, 0.03) << t_C;
     }
     const Estimate outside = at(*decoupler, 1, -6, 33, 33);
-    EXPECT_EQ(outside.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(outside.quality(), TACTILED_UNCERTAIN);
     EXPECT_NE(outside.reasons & TACTILED_OUTSIDE_DOMAIN, 0u);
 }
 
@@ -70,15 +70,15 @@ TEST_F(Warm, WithoutATemperatureTheDeclaredRangeIsInTheStandardDeviation) {
     const Calibration calibration = calibrate();
     const auto decoupler = make_decoupler(calibration);
     const Estimate unknown = at(*decoupler, 1, -6, 24, kNaN);
-    EXPECT_EQ(unknown.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(unknown.quality(), TACTILED_UNCERTAIN);
     EXPECT_NE(unknown.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);
     EXPECT_TRUE(std::isnan(unknown.sd[2]));
     decoupler->set_temperature({.lowest_C = 18, .highest_C = 28});
     const Estimate declared = at(*decoupler, 1, -6, 27, kNaN);
-    EXPECT_EQ(declared.quality, TACTILED_UNCERTAIN);  // a tenth of full scale and more
+    EXPECT_EQ(declared.quality(), TACTILED_UNCERTAIN);  // a tenth of full scale and more
     EXPECT_LT(std::abs(declared.wrench_S[2] + 6), 2 * declared.sd[2]);
     EXPECT_GT(declared.sd[2], 0.5);
-    EXPECT_EQ(at(*decoupler, 1, -6, 24, 24).quality, TACTILED_GOOD);
+    EXPECT_EQ(at(*decoupler, 1, -6, 24, 24).quality(), TACTILED_GOOD);
 }
 
 TEST_F(Warm, TooSmallARangeTeachesNothing) {
@@ -127,15 +127,15 @@ TEST(KnownTemperatureEffect, HairsAreNotGoodAndWrongByATenthOfAKelvinOrTwo) {
     const Calibration calibration = of_documents("hair");
     const auto decoupler = make_decoupler(calibration);
     decoupler->set_temperature({kUndeclared, kUndeclared, 0});
-    EXPECT_EQ(at_rest(*decoupler, calibration, kPlatinum, {}).quality, TACTILED_UNCERTAIN);  // a room: 10 K
+    EXPECT_EQ(at_rest(*decoupler, calibration, kPlatinum, {}).quality(), TACTILED_UNCERTAIN);  // a room: 10 K
     decoupler->set_temperature({23, 23.15, 0});
     const Estimate warmer = at_rest(*decoupler, calibration, kPlatinum, {0.15, 0.15, 0.15, 0.15});
     EXPECT_LT(warmer.wrench_S[2], -0.03);  // newtons of a press that nobody makes
-    EXPECT_EQ(warmer.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(warmer.quality(), TACTILED_UNCERTAIN);
     EXPECT_NEAR(warmer.sd[2], -warmer.wrench_S[2], 0.05 * warmer.sd[2]);
     EXPECT_LT(warmer.sd[0], 1e-3) << "a temperature of all hairs is no shear";
     decoupler->set_temperature({23, 23, 0});  // constant
-    EXPECT_EQ(at_rest(*decoupler, calibration, kPlatinum, {}).quality, TACTILED_GOOD);
+    EXPECT_EQ(at_rest(*decoupler, calibration, kPlatinum, {}).quality(), TACTILED_GOOD);
 }
 
 TEST(KnownTemperatureEffect, ADifferenceBetweenTwoHairsIsInTheStandardDeviationOfTheShear) {
@@ -146,9 +146,9 @@ TEST(KnownTemperatureEffect, ADifferenceBetweenTwoHairsIsInTheStandardDeviationO
     EXPECT_GT(std::abs(warmer.wrench_S[0]), 3e-3);
     EXPECT_LT(std::abs(warmer.wrench_S[0]), 2 * warmer.sd[0]);
     EXPECT_LT(std::abs(warmer.wrench_S[2]), 2 * warmer.sd[2]);
-    EXPECT_EQ(warmer.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(warmer.quality(), TACTILED_UNCERTAIN);
     // A single thermometer does not show the difference.
-    EXPECT_EQ(at_rest(*decoupler, calibration, kPlatinum, {0.075, 0, -0.075, 0}, 23).quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(at_rest(*decoupler, calibration, kPlatinum, {0.075, 0, -0.075, 0}, 23).quality(), TACTILED_UNCERTAIN);
 }
 
 TEST(KnownTemperatureEffect, ARoomIsInTheStandardDeviationOfGaugesAndPads) {
@@ -185,11 +185,11 @@ TEST(KnownTemperatureEffect, IsUnknownInAnotherUnitUnlessTheTemperatureIsConstan
     const auto decoupler = make_decoupler(calibration);
     decoupler->set_temperature({kUndeclared, kUndeclared, 0.5});
     const Estimate estimate = at_rest(*decoupler, calibration, 0, {});
-    EXPECT_EQ(estimate.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(estimate.quality(), TACTILED_UNCERTAIN);
     EXPECT_TRUE(std::isnan(estimate.sd[2]));
     EXPECT_NE(estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);
     decoupler->set_temperature({20, 20, 0});
-    EXPECT_EQ(at_rest(*decoupler, calibration, 0, {}).quality, TACTILED_GOOD);
+    EXPECT_EQ(at_rest(*decoupler, calibration, 0, {}).quality(), TACTILED_GOOD);
 }
 
 // Counts the readings that it sees.
@@ -224,9 +224,9 @@ TEST(KnownTemperatureEffect, AMeasuredTemperatureOutsideTheDeclaredRangeIsUncert
     const Calibration calibration = of_documents("table");
     const auto decoupler = make_decoupler(calibration);
     decoupler->set_temperature({20, 25, 0.1});
-    EXPECT_EQ(at_rest(*decoupler, calibration, 0, {}, 25.4).quality, TACTILED_GOOD);
+    EXPECT_EQ(at_rest(*decoupler, calibration, 0, {}, 25.4).quality(), TACTILED_GOOD);
     const Estimate hot = at_rest(*decoupler, calibration, 0, {}, 26);
-    EXPECT_EQ(hot.quality, TACTILED_UNCERTAIN);
+    EXPECT_EQ(hot.quality(), TACTILED_UNCERTAIN);
     EXPECT_NE(hot.reasons & TACTILED_OUTSIDE_DOMAIN, 0u);
 }
 
@@ -235,7 +235,7 @@ TEST_F(Warm, ADifferenceFromTheThermometerIsInTheStandardDeviation) {
     const auto decoupler = make_decoupler(calibration);
     decoupler->set_temperature({kUndeclared, kUndeclared, 0.5});
     const Estimate behind = at(*decoupler, 1, -6, 24.5, 24);  // the gauges are warmer than their thermometer
-    EXPECT_EQ(behind.quality, TACTILED_GOOD);
+    EXPECT_EQ(behind.quality(), TACTILED_GOOD);
     EXPECT_GT(std::abs(behind.wrench_S[2] + 6), 0.05);
     EXPECT_LT(std::abs(behind.wrench_S[2] + 6), 2 * behind.sd[2]);
 }

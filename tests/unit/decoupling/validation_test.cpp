@@ -25,7 +25,7 @@ TEST(Validation, OfDeadWeightsOneAxisAfterTheOtherLeavesSingleLoadsOut) {
         const auto decoupler = make_decoupler(report.calibration);
         for (const auto& row : six_axes(seed, 2e-3).rows) {
             const Estimate estimate = decouple(*decoupler, row.channel);
-            EXPECT_EQ(estimate.quality, TACTILED_GOOD);
+            EXPECT_EQ(estimate.quality(), TACTILED_GOOD);
         }
         for (const auto& [row, estimated] : report.held_out)
             for (std::size_t c = 0; c < 6; ++c, ++n)

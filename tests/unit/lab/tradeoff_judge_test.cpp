@@ -12,8 +12,10 @@ class Says final : public Decoupler {
 public:
     Estimate decouple(const Reading& reading) noexcept override {
         Estimate e;
-        e.quality = tactiled_quality(int(reading.channel[1]));
-        if (e.quality == TACTILED_BAD) return e;
+        const int quality = int(reading.channel[1]);
+        if (quality == TACTILED_BAD) return e;
+        e.has_value = true;
+        if (quality == TACTILED_UNCERTAIN) e.reasons = TACTILED_OUTSIDE_DOMAIN;
         e.wrench_S[2] = reading.channel[0];
         e.sd[2] = 0.01;
         return e;

@@ -26,7 +26,7 @@ public:
         const bool knows = left_ == 0;
         left_ = std::max(left_ - 1, 0);
         e.sd[2] = knows ? 0.01 : kNaN;
-        e.quality = knows ? TACTILED_GOOD : TACTILED_UNCERTAIN;
+        e.has_value = true;
         e.reasons = knows ? 0u : std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY);
         return e;
     }

@@ -14,7 +14,7 @@ public:
         Estimate e;
         e.wrench_S = {r.channel[0], 0, 0, kNaN, kNaN, kNaN};
         e.sd = {0.01, 0.01, 0.01, kNaN, kNaN, kNaN};
-        e.quality = TACTILED_GOOD;
+        e.has_value = true;
         return e;
     }
     std::string_view method() const noexcept override { return "certain"; }

@@ -22,7 +22,7 @@ public:
         for (std::size_t i = 0; i < 3; ++i) e.wrench_S[i] = r.channel[i], e.sd[i] = kSd_N;
         if (r.saturated != 0) e.reasons |= TACTILED_SATURATED;
         if (r.channel[1] > unsure_above_) e.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
-        e.quality = e.reasons != 0 ? TACTILED_UNCERTAIN : TACTILED_GOOD;
+        e.has_value = true;
         return e;
     }
     std::string_view method() const noexcept override { return "through"; }
@@ -37,7 +37,7 @@ public:
     Estimate decouple(const Reading& r) noexcept override {
         Estimate e;
         e.wrench_S = {r.channel[0], 0, 0, kNaN, kNaN, kNaN};
-        e.quality = TACTILED_GOOD;
+        e.has_value = true;
         return e;
     }
     std::string_view method() const noexcept override { return "first channel"; }

@@ -25,7 +25,7 @@ public:
     Estimate decouple(const Reading& r) noexcept override {
         Estimate e;
         e.wrench_S = {factor_ * r.channel[0], 0, 0, 0, 0, 0};
-        e.quality = TACTILED_GOOD;
+        e.has_value = true;
         return e;
     }
     std::string_view method() const noexcept override { return "times"; }
