@@ -15,24 +15,24 @@ namespace tactiled {
 // fx fy fz in N, mx my mz in Nm, frame S.
 inline constexpr std::array<const char*, 6> kComponentNames{"fx", "fy", "fz", "mx", "my", "mz"};
 
-// The data of one method about an individual sensor. Each method documents its own needs.
+// The calibration data of one method for an individual sensor; each method documents the members that it needs.
 struct Fit {
     std::string method;                       // "matrix", "linear" ...
     std::vector<double> zero;                 // reading of each channel without load, in channel_unit
     std::vector<std::vector<double>> matrix;  // components x channels: N or Nm per channel_unit
     std::map<std::string, double> parameters;
     std::map<std::string, std::vector<std::vector<double>>> tables;  // rows of numbers: centres, weights ...
-    // Per component, from errors on held-out data, N or Nm; empty = unknown. At least 68 % of them are below
-    // hypot(sd, sd_slope * |component|, sd_load * load), 95 % below 1.96 times and 99 % below 2.58 times that. The load is
-    // the magnitude of the force as a part of the greatest full scale (decoupling/solve/load_scale.hpp).
+    // Per component, N or Nm; empty = unknown. At least 68 % of the errors on held-out data are below hypot(sd, sd_slope *
+    // |component|, sd_load * load), 95 % below 1.96 times and 99 % below 2.58 times that. The load is the magnitude of the
+    // force as a part of the greatest full scale (decoupling/solve/load_scale.hpp).
     std::vector<double> sd, sd_slope, sd_load;
-    // Per component, N or Nm: with it the standard deviation is hypot(the above, sd_unloading (peak - load)), with the load
-    // as a part of full scale and its peak since the last rest (decoupling/unloading.hpp); empty = 0.
+    // Per component, N or Nm; empty = 0. Increases the standard deviation to hypot(the above, sd_unloading (peak - load)),
+    // with the load as a part of full scale and its peak since the last rest (decoupling/unloading.hpp).
     std::vector<double> sd_unloading;
     // Per component: root mean square error on held-out rows, N or Nm; empty = unknown.
     std::vector<double> held_out_rms;
-    // Error with one channel replaced by its prediction (Parity): a row a channel, a column a component, N or Nm; empty =
-    // unknown.
+    // Error with one channel replaced by its prediction (Parity): one row per channel, one column per component, N or Nm;
+    // empty = unknown.
     std::vector<std::vector<double>> sd_without;
     // Per channel: the residual of its prediction (Parity) that shifts some component by its sd, channel_unit; empty = 0.
     std::vector<double> parity_harmless;
@@ -54,8 +54,8 @@ struct CurvedDomain {
     std::vector<std::vector<double>> directions;         // m rows of n numbers, 1 / channel_unit
     std::vector<double> feature_mean;                    // m + m (m + 1) / 2 numbers
     std::vector<std::vector<double>> feature_whitening;  // lower triangle
-    double growth = 0;                                   // the residual's variance among few rows is larger by this
-    std::vector<std::vector<double>> coefficients;       // n rows, a number a feature, in channel_unit
+    double growth = 0;                                   // factor of |feature_whitening p|^2 in the residual's variance
+    std::vector<std::vector<double>> coefficients;       // n rows, one number per feature, in channel_unit
     std::vector<std::vector<double>> whitening;          // lower triangle, 1 / channel_unit
     double limit = 0;                                    // 0 = the calibration has none
     double false_alarms = 0;                             // share of the held-out rows beyond the limit, 0 .. 1
@@ -73,16 +73,16 @@ struct JointDomain {
 
 // The longest repetition of one number by each channel while the load was held, in the rows of the calibration.
 struct Repeats {
-    std::vector<int> readings;  // a channel: the longest run of equal readings; 0 = no end was seen. Empty = unknown
+    std::vector<int> readings;  // per channel: longest run of equal readings; 0 = its end was not seen. Empty = unknown
     double interval_s = 0;      // median time between two readings; 0 = unknown
 };
 
-// Zero and gain of each channel against temperature: with dT = temperature - reference_C a channel reads
-// zero + zero_per_K dT + (1 + gain_per_K dT) (what it would read at reference_C - zero). See decoupling/temperature.hpp.
+// Zero and gain of each channel against temperature: with dT = temperature - reference_C reading = zero + zero_per_K dT + (1
+// + gain_per_K dT) (reading at reference_C - zero) for each channel. See decoupling/temperature.hpp.
 struct Temperature {
     double reference_C = 0;
-    std::vector<double> range_C;                       // least and greatest that the rows covered
-    std::vector<double> zero, zero_per_K, gain_per_K;  // a channel: channel_unit, channel_unit / K, 1 / K; empty = unknown
+    std::vector<double> range_C;                       // lowest and highest temperature of the rows
+    std::vector<double> zero, zero_per_K, gain_per_K;  // per channel: channel_unit, channel_unit / K, 1 / K; empty = unknown
 };
 
 inline constexpr std::size_t kMaxParityFeatures = 45;  // 8 channels with their products, or 32 without
@@ -91,14 +91,13 @@ inline constexpr std::size_t kMaxParityFeatures = 45;  // 8 channels with their 
 // x = (channel - centre) / scale. See decoupling/parity.hpp.
 struct Parity {
     int order = 1;
-    std::vector<double> centre, scale;              // a channel, in channel_unit
-    std::vector<std::vector<double>> coefficients;  // a row a channel, in channel_unit
-    std::vector<double>
-        sd;  // a channel: of its residual, channel_unit; 0 = is not checked. Empty = the calibration has none
+    std::vector<double> centre, scale;              // per channel, in channel_unit
+    std::vector<std::vector<double>> coefficients;  // one row per channel, in channel_unit
+    std::vector<double> sd;   // per channel: sd of the residual, channel_unit; 0 = not checked. Empty = no parity data
     double false_alarms = 0;  // share of the held-out rows in which the alarm is raised, 0 .. 1
 };
 
-// Its own Fit, and those of other methods of the same model, for the same channels and components.
+// The fit of the preferred method, and the fits of other methods of the same model for the same channels and components.
 struct Calibration : Fit {
     std::string path;
     std::string model;  // "generic", "table"
@@ -106,7 +105,7 @@ struct Calibration : Fit {
     std::string contact_model;
     std::string serial;
     std::string date;  // YYYY-MM-DD
-    // from a drawing or a document: the individual sensor was not calibrated
+    // from a drawing or a document; the individual sensor was not calibrated
     bool nominal = false;
     std::vector<std::string> channels;                // names, in the order of the matrix's columns
     std::string channel_unit;                         // "dR/R0", "pF", "counts" ...
@@ -116,7 +115,7 @@ struct Calibration : Fit {
     Parity parity;
     Temperature temperature;
     std::vector<double>
-        zero_drift;  // per channel: sd of the zero that the fits and each sd allow for, channel_unit; empty = 0
+        zero_drift;  // per channel: sd of the zero that the fits and each sd include, channel_unit; empty = 0
     std::vector<std::string> components;  // subset of kComponentNames that the sensor measures, in this order
     std::vector<double> full_scale;       // per component, N or Nm; empty = unknown
     int rows = 0;                         // labelled rows used
@@ -139,7 +138,7 @@ Calibration parse_calibration(std::string_view text, const std::string& name, Pr
 std::string calibration_text(const Calibration& calibration);
 // Writes a file by a temporary file, fsync, rename, and fsync of the folder; the calibration must be one that
 // load_calibration would accept.
-// setup: throws SetupError where a step is refused; the old file stands then
+// setup: throws SetupError if a step fails; the old file is then unchanged
 void save_calibration(const Calibration& calibration, const std::string& path);
 
 }  // namespace tactiled

@@ -8,7 +8,7 @@ namespace {
 constexpr Range kFinite{-1e300, 1e300};  // room below overflow for products of a few numbers
 constexpr Range kLimit{1e-9, 1e9};
 
-// Reports rows that are not those of a lower triangle.
+// Reports rows that do not form a lower triangle.
 void check_triangle(Options& table, const char* key, const std::vector<std::vector<double>>& rows) {
     for (std::size_t i = 0; i < rows.size(); ++i)
         if (rows[i].size() != i + 1)

@@ -12,7 +12,7 @@ namespace {
 // Returns the shortest decimal that reads back as the same bits, in the form of a TOML float.
 std::string toml_number(double x) {
     std::string text = fmt::format("{}", x);
-    if (text.find_first_of(".en") == text.npos) text += ".0";  // "n": inf and nan, which the reader refuses
+    if (text.find_first_of(".en") == text.npos) text += ".0";  // "n" detects inf and nan, which the reader rejects
     return text;
 }
 

@@ -15,13 +15,13 @@ namespace tactiled {
 
 inline constexpr std::size_t kMaxSensors = 16, kMaxLinks = 16;  // TACTILED_MAX_SENSORS and _LINKS
 
-Options no_options();  // an empty table of no file
+Options no_options();  // an empty table without a file
 
 struct NodeSettings {
     static constexpr Reload kReload = Reload::restart;
     std::string name;  // the segment is tactiled.NAME in the run-time folder
     int watchdog_ms;   // readers consider the daemon dead when it has published nothing for this time
-    // a link that is in its device for this time stops the feeding of systemd's watchdog; 0 = never
+    // a link thread that is blocked in its device for this time stops the watchdog notifications to systemd; 0 = never
     int stuck_link_ms;
     std::string control;   // path of the control socket
     std::string zeros;     // path of the file of zeros; "" = zeros_path()
@@ -33,7 +33,7 @@ struct RealtimeSettings {
     int priority;  // SCHED_FIFO priority of the pipeline; links run two below
     int cpu;       // -1: any
     bool lock_memory;
-    bool required;  // refused rights end the daemon instead of setting RT_DEGRADED
+    bool required;  // missing permissions end the daemon instead of setting RT_DEGRADED
     int period_us;  // longest time between two cycles of the pipeline
 };
 
@@ -46,15 +46,15 @@ struct LinkSettings {
     Options options = no_options();  // the driver's own keys, not yet read
 };
 
-// Two sensors of the same force in the same frame: one names the other, and both have this structure.
+// The comparison of two sensors that measure the same force in the same frame; both sensors have this structure.
 struct PairSettings {
     int other = -1;      // index of the sensor, -1: none
-    double agree_N = 0;  // allowed magnitude of their difference
-    int agree_ms = 0;    // time for which a larger one is allowed
+    double agree_N = 0;  // maximum magnitude of the difference
+    int agree_ms = 0;    // maximum duration of a larger difference
     bool operator==(const PairSettings&) const = default;
 };
 
-// The keys of a [[sensor]] in three structures, by what a reload does with a change.
+// The keys of a [[sensor]] in three structures, by the effect of a change on a reload.
 struct SensorPlace {
     static constexpr Reload kReload = Reload::restart;
     std::string name;
@@ -81,7 +81,7 @@ struct SensorMeasuring {
     double budget_us;                           // time budget of a sample with method "auto"
 };
 
-// The running sensor uses this structure itself (node/tuning.hpp) and exchanges it whole.
+// The running sensor uses this structure directly (node/tuning.hpp) and replaces it as a whole.
 struct SensorTuning {
     static constexpr Reload kReload = Reload::tune;
     // lowest and highest raw number; a channel at or beyond one of them counts as saturated
@@ -97,7 +97,7 @@ struct SensorTuning {
     int tare_ms = 100;                           // length of a tare's mean
     double tare_limit_N = -1;                    // magnitude; 0 = none, -1 = 20 % of full scale for each component
     std::string tare_after_restart = "restore";  // or "forget"
-    bool accept_unproved_age = false;            // used for tares and weights although its stream would not show a delay
+    bool accept_unproved_age = false;            // allows tares and weights although the stream would not reveal a delay
     double filter_hz = 0;                        // low pass on force and torque, 0 = off
     double contact_on_N = 0.5, contact_off_N = 0.25;
     double overload_N = 0;    // 0 = none
@@ -183,12 +183,12 @@ struct GraspSettings : GraspFiles {
     double lift_acceleration_m_s2, lift_accelerates_ms;
 };
 
-// A sensor whose force is turned into the gripper's frame, and the part of the hand that it carries.
+// A sensor whose force is transformed to the gripper's frame, and the part of the hand that it carries.
 struct ToolSensorSettings {
     static constexpr Reload kReload = Reload::tune;
     std::string sensor;
     std::array<double, 3> x_S_in_G, z_S_in_G;       // axes in the file; all 0: those of [[grasp.jaw]]
-    std::array<std::array<double, 3>, 3> S_from_G;  // rows: the axes of S, seen in G
+    std::array<std::array<double, 3>, 3> S_from_G;  // rows: the axes of S in G
     std::array<double, 3> position_G_mm;            // origin of S
     double mass_kg, mass_sd_kg;
     std::array<double, 3> centre_G_mm;
@@ -201,7 +201,7 @@ struct ToolSensorSettings {
 struct ToolSettings {
     static constexpr Reload kReload = Reload::tune;
     std::vector<ToolSensorSettings> sensors;
-    std::array<double, 3> gravity_G_m_s2;  // all 0: as [grasp]; there, too: not known
+    std::array<double, 3> gravity_G_m_s2;  // all 0: as in [grasp], where all 0 means unknown
     double acceleration_m_s2, accelerates_ms;
 };
 

@@ -64,9 +64,9 @@ std::string with_node_name(const std::string& fallback, const std::string& node_
 template <typename Owner, typename Settings>
 concept PartOf = std::is_base_of_v<Owner, Settings>;
 
-// One key of a table and the member of the settings that receives its value. The type of the member selects the
-// constructor, and the structure of the member decides what a reload does with a change. Write the first two arguments
-// with TACTILED_KEY: the key is then the name of the member, and two members cannot be swapped.
+// One key of a table and the member of the settings that receives its value. The type of the member selects the constructor,
+// and the structure of the member decides the effect of a change on a reload. Write the first two arguments with
+// TACTILED_KEY: the key is then the name of the member, and two members cannot be swapped.
 template <typename Settings>
 struct Field : ConfigKey {
     template <typename T>

@@ -27,7 +27,7 @@ const Fields<GpioSettings>& gpio_fields() {
 }
 
 std::optional<GpioSettings> read_gpio(Options& root) {
-    Options table = root.table("gpio");  // known, also where it is not there
+    Options table = root.table("gpio");  // marks the table as known even if the file does not have it
     if (!root.has("gpio")) return std::nullopt;
     GpioSettings settings{};
     read_fields(gpio_fields(), table, settings);

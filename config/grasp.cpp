@@ -99,7 +99,7 @@ std::array<Vector, 3> read_axes(Options& table, const Vector& x_written, const V
                                   "are {:.1f} degrees from it",
                                   skew_deg));
     const Vector y = skew_deg < 89 ? unit(cross(z, x)) : Vector{0, 1, 0};
-    return {cross(y, z), y, z};  // z as it was written; x moves where they were not quite perpendicular
+    return {cross(y, z), y, z};  // z is kept as configured; x is corrected if the two are not exactly perpendicular
 }
 
 void check_gravity(Options& table, const char* key, const Vector& gravity_m_s2) {
@@ -157,7 +157,7 @@ const Fields<GraspSettings>& grasp_fields() {
 
 std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_name,
                                         const std::vector<SensorSettings>& sensors, const std::string& folder) {
-    Options table = root.table("grasp");  // known, also where it is not there
+    Options table = root.table("grasp");  // marks the table as known even if the file does not have it
     if (!root.has("grasp")) return std::nullopt;
     GraspSettings g{};
     for (const auto& jaw : table.tables("jaw", kMaxJaws)) g.jaws.push_back(read_jaw(jaw));
@@ -172,7 +172,7 @@ std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_n
     check_gravity(table, "gravity_G_m_s2", g.gravity_G_m_s2);
     g.slip_sensitivity /= 100;
     if (g.objects.empty()) table.problem("objects", "objects = \"\" names no file; leave the key out for the default");
-    // absolute("") throws: a configuration without a folder in its name is in the current one.
+    // A configuration without a folder in its name is in the current folder; absolute("") would throw.
     g.objects = (std::filesystem::absolute(folder.empty() ? "." : folder) / g.objects).lexically_normal().string();
     return g;
 }

@@ -1,4 +1,4 @@
-// Tables of a TOML file, which keys were asked for, and the errors about keys that were not.
+// Tables of a TOML file, with a record of the keys that were read and an error for each other key.
 #include "config/options.hpp"
 
 #include <fmt/format.h>
@@ -31,7 +31,7 @@ std::optional<std::pair<std::uint32_t, std::string>> unfit(std::string_view text
     return std::nullopt;
 }
 
-// Returns nothing if the text is not from a file, or not TOML; the reason is reported.
+// Returns nullopt if the file could not be read or is not TOML; the reason is reported.
 std::optional<toml::table> parse(std::string_view text, const std::string& name, Problems& problems) {
     if (const auto why = unfit(text)) {
         problems.add(name, why->first, why->second);
@@ -191,7 +191,7 @@ void Options::accept_other_keys() { node_->accepts_other_keys = true; }
 
 void Options::finish() { node_->finish(); }
 
-// Returns the known key that the misspelt one was meant to be, if one is near: rather one that is not there.
+// Returns the known key that is most similar to a misspelt `key`, preferably one that the table lacks.
 std::optional<std::string> Options::Node::meant_by(std::string_view key) const {
     std::vector<std::string> not_there;
     for (const auto& known : asked)
@@ -222,7 +222,7 @@ void Options::Node::finish() const {
                                                               : fmt::format("unknown key {}", in_quotes(key));
         const auto near = meant_by(key);
         if (near) {
-            // The key is not missing: one error is enough.
+            // The misspelling is reported, so the errors about the missing key are withdrawn.
             const auto [first, last] = absent.equal_range(*near);
             for (auto error = first; error != last; ++error)
                 document->problems->add(document->file, line, labelled(error->second), kTakesBack);

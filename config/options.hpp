@@ -23,7 +23,7 @@ public:
     void add(const std::string& file, std::uint32_t line, const std::string& text, std::uint32_t column = 0);
     [[nodiscard]] bool empty() const { return list_.empty(); }
     [[nodiscard]] std::vector<std::string> lines() const;  // sorted by file and line, each once
-    // setup: throws SetupError with all lines where there is any
+    // setup: throws SetupError with all lines if there are any
     void throw_if_any() const;
 
 private:
@@ -90,7 +90,7 @@ public:
     [[nodiscard]] std::vector<std::string> keys() const;        // all keys of the table; does not count as reading them
     // Returns the keys whose values differ, in order; a table counts as one key.
     [[nodiscard]] std::vector<std::string> differing_keys(const Options& other) const;
-    // Returns the keys and tables of `before` that are not here any more, also within tables: `sensor "left": filter_hz`.
+    // Returns the keys and tables of `before` that are missing here, also within tables: `sensor "left": filter_hz`.
     [[nodiscard]] std::vector<std::string> lost_keys(const Options& before) const;
     Options table(std::string_view key);  // optional: missing is an empty table
     // Returns [[key]]; optional. More than `max` is an error, and further ones are neither returned nor checked.

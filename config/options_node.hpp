@@ -13,14 +13,14 @@
 
 namespace tactiled {
 
-// Column of an entry of Problems that takes back the errors of the same file, line and text: another one has their cause.
+// Column number of an entry of Problems that withdraws the errors of the same file, line and text.
 inline constexpr std::uint32_t kTakesBack = UINT32_MAX;
 
 struct Options::Node {
     struct Document {
         std::string file;
         Problems* problems = nullptr;
-        bool readable = false;  // a file that is not TOML has one error, not one for each missing key as well
+        bool readable = false;  // a file that is not TOML has one error, and none for missing keys
         toml::table root;
     };
 
@@ -31,7 +31,7 @@ struct Options::Node {
     std::vector<std::string> asked{};
     bool accepts_other_keys = false;
     std::map<std::string, std::vector<std::shared_ptr<Node>>, std::less<>> children{};
-    // The errors at keys that are not in the table: finish() withdraws those of a key that is there, but misspelt.
+    // Errors about keys that the table lacks; finish() withdraws those whose key is present but misspelt.
     mutable std::multimap<std::string, std::string, std::less<>> absent{};
 
     [[nodiscard]] const toml::node* peek(std::string_view key) const { return table ? table->get(key) : nullptr; }

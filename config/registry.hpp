@@ -10,8 +10,8 @@
 
 namespace tactiled {
 
-// The list of all entries of one type. The last member of the type is its place in the list; `find` and `names` use
-// its member `name`:
+// The list of all entries of one type. The last member of the type is its place in the list; `find` and `names` use its
+// member `name`:
 //
 //     struct ChipEntry {
 //         std::string_view name;
@@ -21,7 +21,7 @@ namespace tactiled {
 //     const ChipEntry entry{.name = "ad7746", ...};                            // at namespace scope
 //     const ChipEntry* found = Registry<ChipEntry>::find("ad7746");            // nullptr where no chip has that name
 //
-// The order of the list is the order of linking, so everything that a user sees must be sorted. setup
+// The order of the list is the order of linking, so output for a user must be sorted. setup
 template <class Entry>
 class Registry {
 public:
@@ -61,7 +61,7 @@ public:
         return found;
     }
 
-    // Returns the names of those that `accept` accepts, sorted.
+    // Returns the names of the entries that `accept` accepts, sorted.
     template <class Accept = All>
     static std::vector<std::string> names(Accept accept = {}) {
         std::vector<std::string> names;

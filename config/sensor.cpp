@@ -33,7 +33,7 @@ void check_channels(Options& table, const std::vector<std::string>& channels) {
 
 const Fields<SensorSettings>& sensor_fields() {
     using S = SensorSettings;
-    static const SensorTuning d;  // the defaults
+    static const SensorTuning d;
     static const Fields<S> fields = {
         {TACTILED_KEY(S, name), kRequired, Text::name, "Name of the sensor, unique, as commands and readers refer to it."},
         {TACTILED_KEY(S, link), kRequired, Text::any, "Name of a [[link]]."},

@@ -26,7 +26,7 @@ const Fields<GpioSettings>& gpio_fields();
 
 // Reads one [[sensor]]. setup: never throws for bad input
 SensorSettings read_sensor(Options table, const std::string& folder);
-// Pairs sensors that are compared, whichever of them names the other. setup: never throws for bad input
+// Pairs the sensors that are compared; either of the two may name the other. setup: never throws for bad input
 void pair_sensors(std::vector<SensorSettings>& sensors);
 // Fills in the index of the sensor that `temperature_of` names.
 void find_thermometers(std::vector<SensorSettings>& sensors);
@@ -40,8 +40,8 @@ ModbusSettings read_modbus(Options table, const std::string& node_name);
 std::optional<GraspSettings> read_grasp(Options& root, const std::string& node_name,
                                         const std::vector<SensorSettings>& sensors, const std::string& folder);
 
-// Two axes of one frame as a person wrote them, of any length, as rows of an orthonormal matrix: x, y, z. `key_x` and
-// `key_z` name them in the problems. setup: never throws for bad input
+// Returns two axes of one frame, configured with any length, as rows of an orthonormal matrix: x, y, z. `key_x` and `key_z`
+// name them in the problems. setup: never throws for bad input
 std::array<std::array<double, 3>, 3> read_axes(Options& table, const std::array<double, 3>& x,
                                                const std::array<double, 3>& z);
 // Adds a problem of `key` unless the vector is 0 ("not known") or has a length that occurs on Earth. setup

@@ -45,7 +45,7 @@ struct SaveError : SetupError {
 };
 
 // Replaces `path` atomically: temporary file beside it, fsync, rename, fsync of the folder.
-// setup: throws SaveError where a step is refused; the old file stands as it was then, but after the rename, and no temporary one
+// setup: throws SaveError if a step fails; before the rename the old file is unchanged. No temporary file remains
 void replace_file(const std::string& path, std::string_view bytes);
 
 }  // namespace tactiled

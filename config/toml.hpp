@@ -2,7 +2,7 @@
 #pragma once
 
 #define TOML_EXCEPTIONS 1      // without them, the parser ends the program if there is no memory
-#define TOML_FLOAT_CHARCONV 1  // exact; a stream without memory would only report "no number"; since g++ 11
+#define TOML_FLOAT_CHARCONV 1  // exact (g++ 11 or later); a stream without memory would only report "no number"
 // Maximum depth of nested values. Dotted keys (a.b.c = 1) nest tables without limit, see unfit() in options.cpp.
 #define TOML_MAX_NESTED_VALUES 16
 // The parser asserts conditions that only valid files satisfy ("a = 1979-05-", "{ ."), and reports the error in the

@@ -1,4 +1,4 @@
-// [tool]: forces in the gripper's frame, less the weight of the hand.
+// [tool]: forces in the gripper's frame, minus the weight of the hand.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -90,7 +90,7 @@ const Fields<ToolSettings>& tool_fields() {
 
 std::optional<ToolSettings> read_tool(Options& root, const std::vector<SensorSettings>& sensors,
                                       const std::optional<GraspSettings>& grasp) {
-    Options table = root.table("tool");  // known, also where it is not there
+    Options table = root.table("tool");  // marks the table as known even if the file does not have it
     if (!root.has("tool")) return std::nullopt;
     ToolSettings tool{};
     for (auto& one : table.tables("sensor", kMaxSensors)) {
