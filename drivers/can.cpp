@@ -50,7 +50,7 @@ public:
         CanPlan plan = read_can_plan(options);
         max_bytes_ = plan.max_bytes;
         for (const std::uint32_t id :
-             plan.ids) {  // the flags in the mask: without them an 11-bit id would match a 29-bit id, too
+             plan.ids) {  // with the flags in the mask; otherwise an 11-bit id would match a 29-bit id, too
             const bool extended = (id & kCanExtended) != 0;
             filters_.push_back({id, (extended ? CAN_EFF_MASK : CAN_SFF_MASK) | CAN_EFF_FLAG | CAN_RTR_FLAG});
         }
@@ -129,8 +129,6 @@ public:
     }
 
 private:
-    // ---- open ----
-
     std::string bind_socket() {
         // looked up at each opening, because an adapter that returns has another index
         index_ = int(::if_nametoindex(name_.c_str()));
@@ -235,8 +233,6 @@ private:
         r.ifr_data = reinterpret_cast<char*>(&info);
         return ::ioctl(fd_, SIOCETHTOOL, &r) == 0 && (info.so_timestamping & SOF_TIMESTAMPING_RAW_HARDWARE) != 0;
     }
-
-    // ---- read ----
 
     // The socket may have had no room for the error frame of a bus-off. Some drivers leave the carrier on during a
     // bus-off (gs_usb in Linux 6.1 does), so that only rtnetlink shows it. rtnetlink is therefore asked during
@@ -381,7 +377,7 @@ private:
     int fd_ = -1, index_ = 0;
     CanNetlink netlink_;
     std::uint64_t heard_ns_ = 0;  // time of the last message, or of the last answer of rtnetlink
-    bool bus_off_ = false;        // a bus-off was seen and its end was not
+    bool bus_off_ = false;        // a bus-off was observed and has not ended yet
     bool ending_ = false;         // disconnected, as soon as the messages received before are used
     CanBatch batch_;
     unsigned at_ = 0, n_ = 0;  // index of the next message in the batch; number of messages

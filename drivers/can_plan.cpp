@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kWindowWithCounter_ms = 20;  // batches of USB adapters were up to 10 ms late
 
-// A signal that the configuration requests, from the configuration or from a DBC file.
+// A signal that the configuration requests, defined in place or in a DBC file.
 struct Wanted {
     std::string name;
     std::uint32_t id = 0;
@@ -25,7 +25,7 @@ struct Wanted {
 };
 
 struct Sequence {
-    std::optional<std::uint32_t> id;  // the message with the signal; no value: each message of the device has it
+    std::optional<std::uint32_t> id;  // the message with the signal; no value: all messages of the device have it
     CanSignal signal;
 };
 
@@ -43,8 +43,6 @@ std::uint32_t read_id(Options& table, std::string_view key, bool extended) {
     const auto id = std::uint32_t(table.integer(key, {0, extended ? double(0x1FFF'FFFF) : double(0x7FF)}));
     return extended ? id | kCanExtended : id;
 }
-
-// ---- signals in place ----
 
 std::vector<Wanted> read_signals(Options& device, std::optional<Sequence>& sequence) {
     const bool extended = device.flag("extended", false);
@@ -90,8 +88,6 @@ std::vector<Wanted> read_signals(Options& device, std::optional<Sequence>& seque
     }
     return all;
 }
-
-// ---- signals of a DBC file ----
 
 template <class Items>
 std::string known_names(const Items& items, std::string_view name) {
@@ -195,10 +191,8 @@ std::vector<Wanted> read_signals_of_dbc(Options& device, DbcFiles& files, std::m
     return all;
 }
 
-// ---- both ----
-
-// Groups signals by message. A signal that is in each message of a multiplexed id is read from the first of these
-// messages that is used, so that a sample has it once.
+// Groups signals by message. A signal that is in each message of a multiplexed id is read from the first of these messages
+// that is used, so that a sample has the signal once.
 std::vector<CanPart> parts_of(const std::vector<Wanted>& all) {
     std::vector<CanPart> parts;
     for (std::size_t n = 0; n < all.size(); ++n) {

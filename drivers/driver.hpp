@@ -37,10 +37,10 @@ public:
     // the loop; may allocate and block for up to a second
     [[nodiscard]] virtual std::string open() = 0;
 
-    // Fills `frame` with the next reading. Frames that were already received are returned at once, one per call, in
+    // Fills `frame` with the next reading. Frames that were already received are returned immediately, one per call, in
     // order.
-    // rt: blocks on the link, for at most `timeout_ms`; no allocation, no lock, no system call but waiting for its device,
-    // reading and asking it (tests/guard lists them)
+    // rt: blocks on the link, for at most `timeout_ms`; no allocation, no lock; the only system calls wait for,
+    // read and query the device (tests/guard lists them)
     [[nodiscard]] virtual Status read(Frame& frame, int timeout_ms) noexcept = 0;
 
     // rt: not in the loop; may be called when not open
@@ -70,14 +70,14 @@ public:
     // setup
     [[nodiscard]] virtual bool is_noisy(std::uint16_t /*device*/) const { return false; }
 
-    // The delay that it knows of, from the middle of what a channel of `device` measured to t_ns of the frame, s; 0 where it
-    // knows none. Channels that are converted one after the other have different delays. setup
+    // Known delay from the middle of the measurement of a channel of `device` to t_ns of the frame, s; 0 if unknown.
+    // Channels that are converted successively have different delays. setup
     [[nodiscard]] virtual double delay_s(std::uint16_t /*device*/, std::size_t /*channel*/) const { return 0; }
 
     LinkCounts counts;
 };
 
-// Something on this machine that a link needs. `tactilectl doctor` checks it.
+// A resource of this machine that a link needs; `tactilectl doctor` checks it.
 struct Requirement {
     enum class Kind {
         file,              // must exist, and the daemon's user must be allowed to read and write it
@@ -97,7 +97,7 @@ struct DriverEntry {
     // Reads the driver's own keys of a [[link]] table. Errors go to the options' Problems; a driver with an
     // error is never opened. Never throws SetupError itself.
     std::unique_ptr<Driver> (*make)(Options& options);
-    // Returns what the link of these keys, which make() has accepted, needs on this machine. nullptr: nothing. setup
+    // Returns the requirements of the link with these keys, which make() has accepted. nullptr: none. setup
     std::vector<Requirement> (*requirements)(Options& options) = nullptr;
     Registry<DriverEntry> in_list{this};
 };

@@ -19,11 +19,11 @@ struct Frame {
         unproved       // t_ns is the time of arrival; the frame may be older
     } age = Age::proved;
     std::uint8_t sequence_bits = 32;  // width of the device's counter. Set by drivers of streams
-    std::uint64_t late_ns = 0;        // the age when it was taken from the kernel, where that is known
+    std::uint64_t late_ns = 0;        // age of the frame when it was read from the kernel, where known
     // Not published. Set by drivers of streams, 0 = t_ns.
     std::uint64_t taken_ns = 0;  // when its last byte was read from the kernel; t_ns may be an earlier estimate
-    // Earliest possible arrival if the process was stopped; of an answer, when it came at the earliest: the time of the
-    // request and of both messages, or when the chip was ready. 0 = not known.
+    // Earliest possible arrival. Of streams: if the process was stopped. Of answers: time of the request plus the duration
+    // of both messages, or the time when the chip was ready. 0 = unknown.
     std::uint64_t since_ns = 0;
 
     std::uint64_t t_ns = 0;            // CLOCK_MONOTONIC when the frame's last byte was read from the kernel, or earlier

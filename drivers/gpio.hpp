@@ -31,8 +31,7 @@ public:
     // limit at the latest.
     // rt: blocks for at most `timeout_ms`; ppoll and read
     [[nodiscard]] Wait wait_edge(int timeout_ms, std::uint64_t& t_ns, std::uint32_t& edges) noexcept;
-    // Returns a descriptor that is readable when an edge waits, for polling with others; -1 if not open. rt:
-    // wait-free
+    // Returns a descriptor that is readable when an edge waits, for polling with others; -1 if not open. rt: wait-free
     [[nodiscard]] int fd() const noexcept;
     // Returns 0 or 1, or -1 if the chip was removed, for a line that is used as a level. rt: one ioctl
     [[nodiscard]] int level() const noexcept;
@@ -59,8 +58,6 @@ private:
     struct Held;
     std::unique_ptr<Held> held_;
 };
-
-// ---- for both versions of libgpiod ----
 
 inline constexpr const char* kGpioConsumer = "tactiled";
 // Returns the line's offset if its name consists of digits only.

@@ -112,7 +112,7 @@ public:
         const auto known = conversions_.find(device);
         if (known == conversions_.end()) return 0;
         const auto& [number, conversion_s] = known->second;
-        // From its middle to the end of the last one. A temperature belongs to the last one.
+        // From the middle of the channel's conversion to the end of the last one, which contains the temperature.
         return (double(number - std::min(channel, number - 1)) - 0.5) * conversion_s;
     }
     Route route() const noexcept override { return {.path = Route::Path::polled}; }
@@ -197,7 +197,7 @@ private:
     Schedule schedule_{bus_};
     std::set<std::uint16_t> devices_, noisy_;
     struct Conversions {
-        std::size_t number;  // of a frame, one after the other
+        std::size_t number;  // number of successive conversions per frame
         double each_s;
     };
     std::map<std::uint16_t, Conversions> conversions_;

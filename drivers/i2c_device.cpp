@@ -19,7 +19,7 @@
 namespace tactiled {
 namespace {
 
-// A transfer of 35 bytes takes less at 10 kHz; the time limits of adapters are 0.1 s to 2 s.
+// A transfer of 35 bytes takes less than this at 10 kHz; the time limits of adapters are 0.1 s to 2 s.
 constexpr std::uint64_t kHangNs = 90'000'000;
 constexpr unsigned kMaxHard = 8;  // errors in a row after which the adapter is opened again
 

@@ -1,16 +1,16 @@
-// Driver "modbus": the master of devices on an RTU line or behind one TCP connection. One request is open at a time,
-// and a frame is one whole answer.
+// Driver "modbus": the master of devices on an RTU line or behind one TCP connection. One request is open at a time, and a
+// frame is one whole answer.
 //
-// libmodbus is not used here. It reads an answer in one blocking call. When that call ends in time for the link's
-// thread, the bytes received so far are lost; libmodbus also waits for the length that a foreign message declares.
-// It fails the tests Slave.AnAnswerInPiecesIsWaitedForByReadsThatReturnInTime and
+// libmodbus is not used here. It reads an answer in one blocking call. When that call ends in time for the link's thread,
+// the bytes received so far are lost; libmodbus also waits for the length that a foreign message declares. It fails the
+// tests Slave.AnAnswerInPiecesIsWaitedForByReadsThatReturnInTime and
 // Slave.AServerThatClosesOrSpeaksSomethingElseIsDisconnected.
 //
-// Late answers. Over TCP a transaction number identifies them. An RTU answer has only unit, function and length. A
-// request without a good answer therefore makes its unit doubtful, and a doubtful unit is first asked for a number of
-// registers that no other request to it uses: a probe. Four numbers take turns. A slave answers in order, so after an answer
-// of that length no older answer can arrive, unless it is older than the last probe of the same length. A length that the
-// slave refuses is asked for no more; the refusal of the last one is taken for an answer.
+// Late answers. Over TCP a transaction number identifies them. An RTU answer has only unit, function and length. A request
+// without a good answer therefore makes its unit doubtful, and a doubtful unit is first asked for a number of registers that
+// no other request to it uses: a probe. Four numbers are used in rotation. A slave answers in order, so after an answer of
+// that length no older answer can arrive, unless it is older than the last probe of the same length. A length that the slave
+// refuses is asked for no more; the refusal of the last one is taken for an answer.
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
@@ -68,7 +68,7 @@ public:
             device.started = device.missed = 0;
             device.was_set_up = false;
             device.sequence.reset();
-            // an earlier user of the line may have sent a request to it
+            // an earlier user of the line may have sent a request to this unit
             units_[device.is.unit].is_doubted = wire_ == ModbusWire::rtu;
         }
         return "";
@@ -125,7 +125,7 @@ private:
     struct Unit {
         bool is_doubted = false;
         std::array<std::uint16_t, 4> probes{};  // numbers of registers that no other request to this unit has
-        std::size_t n_probes = 0, probe = 0;    // not refused ones, and the last one
+        std::size_t n_probes = 0, probe = 0;    // probes that were not refused; index of the last one
     };
     enum class Asked { probe, start, values };
 
@@ -143,7 +143,7 @@ private:
         where_ = options.text("device");
         tty_.baud = unsigned(options.integer("baud", {300, 4'000'000}, 19200));
         tty_.parity = parity_of(options.one_of("parity", {"none", "odd", "even"}, "even"));
-        // a receiver that expects one takes the other for a pause
+        // a receiver that expects one stop bit takes the second one for a pause
         tty_.two_stop_bits = tty_.parity == TtySettings::Parity::none;
         tty_.rs485 = options.flag("rs485", false);
         tty_.answers = true;
@@ -163,7 +163,7 @@ private:
         devices_.push_back({.is = std::move(device), .period_ns = period_ns, .sequence = {}});
     }
 
-    // The shortest lengths: a unit may refuse longer ones than that of its values.
+    // Chooses the shortest lengths, because a unit may refuse lengths above that of its values.
     void choose_probes() {
         for (std::size_t unit = 0; unit < units_.size(); ++unit) {
             units_[unit].n_probes = 0;
@@ -216,8 +216,8 @@ private:
         return true;
     }
 
-    // Returns the device whose `start` writes are due before anything is read from this unit, else nullptr. Several
-    // may be one device.
+    // Returns the device whose `start` writes are due before anything is read from this unit, else nullptr. Several entries
+    // may share one unit.
     Device* to_set_up(std::uint8_t unit) noexcept {
         for (Device& device : devices_)
             if (device.is.unit == unit && device.started < device.is.start.size()) return &device;
@@ -252,7 +252,7 @@ private:
         answers_.expect(request_);
         std::array<std::uint8_t, kModbusMaxRequest> bytes;
         const std::size_t size = encode_modbus(wire_, request_, bytes);
-        // Computed before sending: this process may be stopped after send() while the answer arrives.
+        // Computed before send(), because this process may be stopped after send() while the answer arrives.
         const std::uint64_t may_take_ns = timeout_ns_ + (size + modbus_answer_bytes(wire_, request_)) * byte_ns_;
         deadline_ns_ = now_ns() + may_take_ns;
         too_old_ns_ = with_suspend_ns() + may_take_ns;
@@ -288,7 +288,7 @@ private:
         plan(device, 0);
         if (!read_registers(device.is.set, answers_.registers(), device.sequence, counts, frame)) return false;
         frame.t_ns = frame.taken_ns = last_byte_ns_;
-        frame.since_ns = deadline_ns_ - timeout_ns_;  // the request, and the time that both messages need
+        frame.since_ns = deadline_ns_ - timeout_ns_;  // time of the request plus the duration of both messages
         frame.device = device.is.device;
         ++counts[TACTILED_LINK_FRAMES];
         return true;

@@ -14,8 +14,8 @@
 namespace tactiled {
 namespace {
 
-// Bytes that the other end does not acknowledge for so long end the connection, because a disconnected cable causes
-// no event.
+// Maximum time until the other end acknowledges bytes; then the connection ends, because a disconnected cable causes no
+// event.
 constexpr int kUnacknowledgedMs = 3500;
 
 // A disconnected cable would not be detected on a connection without traffic from this end. After 2 s of silence a

@@ -52,7 +52,7 @@ int open_tty(const std::string& path, const TtySettings& wanted, std::string& wh
     if (fd < 0) return fail("");
     termios2 settings{};
     if (::ioctl(fd, TCGETS2, &settings) != 0) return fail("");
-    // A pseudo terminal would keep the flag after this close, and refuse every later program but root's.
+    // A pseudo terminal would keep the flag after this close, and afterwards only root could open it.
     struct stat file {};
     const bool is_pty = ::fstat(fd, &file) == 0 && major(file.st_rdev) >= kFirstPty && major(file.st_rdev) <= kLastPty;
     if (!is_pty && ::ioctl(fd, TIOCEXCL) != 0) return fail("exclusive use: ");

@@ -67,8 +67,8 @@ public:
         if (!ask_for_stream(!network_)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
         if (!tty_overruns(fd_, overruns_at_open_)) overruns_at_open_ = 0;
         overruns_before_ = counts[TACTILED_LINK_OVERRUN];
-        // Bytes that wait already came at an unknown time since the link was connected or flushed: this thread may have had
-        // no time to run.
+        // Waiting bytes arrived at an unknown time since the link was connected or flushed, because this thread may not have
+        // been scheduled in the meantime.
         const std::uint64_t looks_ns = with_suspend_ns();
         if (waiting_bytes() == 0) empty_ns_ = looks_ns;
         return "";
@@ -166,9 +166,9 @@ private:
         return tell(decoder_->start_bytes());
     }
 
-    // Called after this thread or the whole process was stopped. Further bytes of that age may wait in uncounted
-    // buffers (the lower buffers of a tty, the other end of a connection whose window was closed), so only a new
-    // opening separates old bytes from new ones.
+    // Called after this thread or the whole process was stopped. Further bytes of that age may wait in uncounted buffers
+    // (the lower buffers of a tty, the other end of a connection whose window was closed), so old and new bytes can only be
+    // separated by a new opening.
     Status too_old(std::size_t size) noexcept {
         const std::uint32_t lost = std::uint32_t(size) + waiting_bytes();
         counts[TACTILED_LINK_BYTES] += lost;
@@ -192,7 +192,7 @@ private:
     std::string path_;  // or address
     TcpAddress address_;
     unsigned baud_ = 0;
-    std::string declared_path_;  // "": the kernel's answer
+    std::string declared_path_;  // "": as the kernel reports
     double clock_ppm_ = 0;
     bool is_direct_ = false;
     // nullptr if the configuration has an error: the node then does not open the link

@@ -1,12 +1,10 @@
-// AD7746: capacitance, two inputs, 24 bits, and the chip's temperature. Frame: CIN1 in pF, and CIN2 in pF if channels
-// = 2; or the electrodes that a switch connects to CIN1, one after the other; then the temperature in degC if
-// requested.
+// AD7746: capacitance, two inputs, 24 bits, and the chip's temperature. Frame: CIN1 in pF, and CIN2 in pF if channels = 2;
+// or the electrodes that a switch successively connects to CIN1; then the temperature in degC if requested.
 //
-// Registers, their bits, the conversion times and the active-low ready bits are those of Linux's
-// drivers/iio/cdc/ad7746.c. The following is from knowledge of the data sheet and was not checked on a chip: a reset
-// takes 200 us; RDY waits for both converters if both are on, one after the other; degC = code / 2048 - 4096. A
-// conversion that ends while the data registers are read is lost (documented for the similar AD7747), so a poll reads
-// only the status.
+// Registers, their bits, the conversion times and the active-low ready bits are those of Linux's drivers/iio/cdc/ad7746.c.
+// The following is from knowledge of the data sheet and was not checked on a chip: a reset takes 200 us; RDY waits for both
+// converters if both are on, one after the other; degC = code / 2048 - 4096. A conversion that ends while the data registers
+// are read is lost (documented for the similar AD7747), so a poll reads only the status.
 #include <array>
 #include <cmath>
 #include <limits>

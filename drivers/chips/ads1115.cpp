@@ -59,7 +59,7 @@ public:
         if ((big16(before.data()) & ~kIdle) != config()) return {.kind = Reading::was_reset};
         if ((big16(before.data()) & kIdle) == 0) return {};
         answer = port.read(kConversion, data);
-        if (answer == Answer::ok) answer = port.read(kConfig, after);  // else the value was the 0 of a chip after a reset
+        if (answer == Answer::ok) answer = port.read(kConfig, after);  // after a reset of the chip the value would be 0
         if (answer != Answer::ok) return {answer};
         if (after != before) return {.kind = Reading::was_reset};
         if (at_ == 0) frame_ = Frame{};

@@ -130,7 +130,7 @@ private:
             answer = read_checked(port, at(kReadRegister, i), value, is_register_good);
             if (answer != Answer::ok) return answer;
             is_good = is_good && is_register_good;
-            const bool is_reported = is_register_good || !has_crc;  // else a bit was disturbed during the transfer
+            const bool is_reported = is_register_good || !has_crc;  // otherwise a bit was disturbed during the transfer
             is_same = !is_reported || (i == kWithCounter ? value & ~kReady : value) == set_[i];
         }
         if (is_good) last_read_ = next;

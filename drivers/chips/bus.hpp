@@ -20,9 +20,9 @@ public:
 
     virtual ~I2cBus() = default;
 
-    // Writes `out` to the chip at `address`, then, after a repeated start, reads `in`. There is no STOP in between,
-    // because some chips forget the register at a STOP. `out` has at least one byte; `in` may be empty.
-    // rt: blocks on the bus, for as long as the adapter's time-out where the bus hangs
+    // Writes `out` to the chip at `address`, then, after a repeated start, reads `in`. There is no STOP in between, because
+    // some chips forget the register at a STOP. `out` has at least one byte; `in` may be empty.
+    // rt: blocks on the bus, at most for the adapter's time-out
     [[nodiscard]] virtual Answer transfer(std::uint8_t address, std::span<const std::uint8_t> out,
                                           std::span<std::uint8_t> in) noexcept = 0;
 
@@ -36,9 +36,9 @@ public:
 class ReadyLine {
 public:
     virtual ~ReadyLine() = default;
-    // Takes the edges that have occurred. Returns false if there are none. `t_ns` is the timestamp of the newest
-    // edge, 0 if unknown.
-    // rt: two system calls, and one an edge
+    // Takes the edges that have occurred. Returns false if there are none. `t_ns` is the timestamp of the newest edge, 0 if
+    // unknown.
+    // rt: two system calls, and one per edge
     [[nodiscard]] virtual bool take(std::uint64_t& t_ns) noexcept = 0;
 };
 

@@ -61,13 +61,13 @@ public:
     [[nodiscard]] virtual ReadyEdge ready_edge() const noexcept { return ReadyEdge::none; }
     // True if the noise is more than a count in every setting, by the data sheet. setup
     [[nodiscard]] virtual bool is_noisy() const noexcept { return false; }
-    // Number of electrodes that an analog switch connects to its input, one after the other; 0: there is no switch.
+    // Number of electrodes that an analog switch connects to the input successively; 0: there is no switch.
     [[nodiscard]] virtual unsigned electrodes() const noexcept { return 0; }
-    // Duration of the present conversion, or the interval between two of them, by the data sheet.
+    // Duration of the present conversion, or interval between two conversions, by the data sheet.
     [[nodiscard]] virtual std::uint64_t conversion_ns() const noexcept = 0;
-    // One after the other for a frame. setup
+    // Number of successive conversions per frame. setup
     [[nodiscard]] virtual unsigned conversions() const noexcept { return 1; }
-    // Identification of this chip, such as "its registers 0xFE and 0xFF read", 0x54491004. setup
+    // Identification register of this chip, such as "its registers 0xFE and 0xFF read", 0x54491004. setup
     struct Identity {
         std::string_view what;
         std::uint64_t expected;

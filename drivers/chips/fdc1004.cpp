@@ -79,8 +79,7 @@ public:
             taken.channel[n] = signed24(code) / kCountsPerPf + offset_pF_[n];
             if (code == 0x7FFFFF || code == 0x800000) taken.saturated |= 1u << n;
         }
-        // Otherwise some values were the 0 of a chip after a reset, or of another input, if the reset was just before
-        // the command to begin.
+        // Detects a reset just before the command to begin, after which some values would be 0 or those of another input.
         answer = read_word(port, kControl, control);
         bool is_same = (control & kRateBits) == rate();
         for (std::size_t n = 0; n < inputs_ && answer == Answer::ok && is_same; ++n) {

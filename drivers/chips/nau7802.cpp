@@ -65,7 +65,7 @@ public:
         std::array<std::uint8_t, 3> data{};
         const std::uint64_t taken_ns = port.now_ns();
         answer = port.read(kData, data);
-        // else the value was the 0 of a chip after a reset
+        // after a reset of the chip the value would be 0
         if (answer == Answer::ok) answer = check(port, is_ready, is_same);
         if (answer != Answer::ok) return {answer};
         if (!is_same) return {.kind = Reading::was_reset};

@@ -24,8 +24,8 @@ constexpr std::uint64_t kWaitForEdge = 8;
 // After this many polls without a result since the last conversion, edges no longer cause polls, so that a noisy line
 // costs a limited number of transfers.
 constexpr unsigned kMaxHastened = 4;
-// A triggered conversion is read after this multiple of its time, also if the chip's clock is slow, and so much later by a
-// slow bus with other chips.
+// A triggered conversion is read after this multiple of its time, even if the chip's clock is slow, plus kBus_ns for a slow
+// bus with other chips.
 constexpr double kLongest = 1.125;
 constexpr std::uint64_t kBus_ns = 10 * kMs;
 
@@ -57,13 +57,14 @@ Station::Outcome Station::fail(Answer answer) noexcept {
     return Outcome::nothing;
 }
 
-// The chip answers, but not as this chip should.
+// A chip answers, but its answers are not those of the configured chip.
 Station::Outcome Station::give_up() noexcept {
     ++counts_[TACTILED_LINK_BUS_ERROR];
     return fail(Answer::failed);
 }
 
-// Configures the chip again at once, unless it had just been configured: then it does not keep its settings.
+// Configures the chip again immediately. If the chip had just been configured, it does not keep its settings, and the fault
+// is reported.
 Station::Outcome Station::restart() noexcept {
     if (!has_converted_) return give_up();
     set_up_again();
@@ -78,8 +79,8 @@ void Station::look() noexcept {
     has_edges_ = true;
     if (state_ != State::converting || !has_converted_) return;
     if (t_ns != 0 && t_ns <= taken_ns_) {
-        // The edge belongs to the value read last. The next one is a period later: on a slow bus a transfer takes so long
-        // that it finds a value although it began before the edge, and the clock alone would stay that early.
+        // The edge belongs to the value read last, and the next edge is a period later. On a slow bus a transfer that began
+        // before the edge may find the value, and the clock alone would keep this early phase.
         const auto next_ns = t_ns + std::uint64_t(clock_.period_ns()) + chip_->conversion_ns() / kWaitForEdge;
         due_ns_ = std::max({due_ns_, predicted_ns(), next_ns});
         return;
@@ -135,7 +136,7 @@ Station::Outcome Station::convert(Frame& frame) noexcept {
     const std::uint64_t before_ns = port_.now_ns();
     const Chip::Reading reading = chip_->read(port_, frame);
     if (reading.answer != Answer::ok) {
-        // A single failure may be a disturbance, so the chip is read again at once. The data that are read with the
+        // A single failure may be a disturbance, so the chip is read again immediately. The data that are read with the
         // value show whether the chip was reset meanwhile.
         const bool hard = reading.answer == Answer::disconnected || reading.answer == Answer::timeout;
         if (hard || is_retry_) return fail(reading.answer);
@@ -186,7 +187,7 @@ Station::Outcome Station::take(const Chip::Reading& reading, std::uint64_t befor
         has_edges_ = edge_ns != 0;
         due_ns_ = predicted_ns();
     }
-    // A thread without time to run: the conversion waited in the chip.
+    // The thread was not scheduled, so the conversion waited in the chip.
     if (chip_->pace() == Pace::triggered && now_ns > latest_ns_) waited_ns_ += now_ns - latest_ns_;
     latest_ns_ = now_ns + std::uint64_t(kLongest * double(chip_->conversion_ns())) + kBus_ns;
     began_ns_ = taken_ns_ = now_ns;

@@ -64,8 +64,8 @@ private:
     std::uint64_t taken_ns_ = 0;  // time of the last reading: an older edge belongs to that reading
     unsigned step_ = 0, pause_ms_ = 0;
     unsigned asked_ = 0;           // polls without a result since the last conversion
-    std::uint64_t latest_ns_ = 0;  // a later reading finds a conversion that had to wait
-    std::uint64_t waited_ns_ = 0;  // parts of the frame so far, together
+    std::uint64_t latest_ns_ = 0;  // a conversion that is read after this time has waited in the chip
+    std::uint64_t waited_ns_ = 0;  // sum over the parts of the frame that were read so far
     std::uint32_t lost_ = 0;
     std::uint64_t found_ = 0;
     bool is_hastened_ = false;  // the chip is due because of an edge

@@ -10,15 +10,15 @@ namespace tactiled {
 
 inline constexpr unsigned kMuxMin = 0x70, kMuxMax = 0x77, kMuxChannels = 8;
 
-// All switches of one bus. They belong to this driver alone: their state is remembered and not read.
+// All switches of one bus. No other program uses them, so their state is remembered and not read.
 class Muxes {
 public:
     explicit Muxes(I2cBus& bus) noexcept : bus_(bus) {}
 
     void add(std::uint8_t address) noexcept { muxes_[address - kMuxMin].present = true; }
 
-    // Connects one channel of one switch and disconnects the others, where two chips of one address could answer at
-    // once. Writes only registers that change. rt: blocks on the bus
+    // Connects one channel of one switch and disconnects the others, so that two chips of one address never answer together.
+    // Writes only registers that change. rt: blocks on the bus
     [[nodiscard]] Answer select(std::uint8_t address, unsigned channel) noexcept {
         for (unsigned i = 0; i < kMuxChannels; ++i)
             if (kMuxMin + i != address)

@@ -1,5 +1,4 @@
-// Reads the messages of a recording from the disk, in their order. Only one chunk is in memory, whatever the length
-// of the file.
+// Reads the messages of a recording from the disk, in their order. Only one chunk is in memory.
 #pragma once
 #include <cstdint>
 #include <optional>
@@ -31,11 +30,11 @@ public:
     void declare_all();
     void close() noexcept;
 
-    // Returns the next message, valid until the next call; nullopt at_end(), or if `max_bytes` were read without a
-    // whole message. The file is read and not mapped, because truncating a mapped file would end the process.
-    // rt: blocks on the disk; bounded by `max_bytes` and a chunk. Throws for want of memory before declare_all(), never after
+    // Returns the next message, valid until the next call; nullopt at_end(), or if `max_bytes` were read without a whole
+    // message. The file is read and not mapped, because truncating a mapped file would end the process.
+    // rt: blocks on the disk; bounded by `max_bytes` and a chunk. May throw std::bad_alloc before declare_all(), never after
     std::optional<Message> next(std::uint64_t max_bytes = UINT64_MAX);
-    // True if there is no further message: the end of the file, or of its intact part.
+    // True at the end of the file, or of its intact part.
     [[nodiscard]] bool at_end() const { return at_end_; }
 
     [[nodiscard]] std::uint64_t bytes_read() const { return bytes_read_; }

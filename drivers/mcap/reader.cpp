@@ -68,7 +68,7 @@ std::optional<Message> Reader::next() {
     for (;;) {
         while (chunk_at_ < chunk_.size()) {
             const auto record = take_record(chunk_, chunk_at_);
-            if (!record) {  // the CRC was right, so the record was written like this
+            if (!record) {  // the CRC was right, so the writer wrote a damaged record
                 ++damaged_;
                 chunk_at_ = chunk_.size();
                 break;

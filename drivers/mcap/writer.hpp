@@ -12,9 +12,8 @@ namespace tactiled::mcap {
 
 class Writer {
 public:
-    // Creates a file; an existing one is replaced only with `overwrite`. `compression` of the chunks: none, lz4 or
-    // zstd.
-    // setup: throws SetupError where it cannot be made, or this program was built without the compression
+    // Creates a file; an existing one is replaced only with `overwrite`. `compression` of the chunks: none, lz4 or zstd.
+    // setup: throws SetupError if the file cannot be created, or if this program was built without the compression
     Writer(const std::string& path, bool overwrite, const std::string& compression = "none");
     // Does not call close(): the file stays as after a truncation.
     ~Writer();

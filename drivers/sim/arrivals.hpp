@@ -1,5 +1,5 @@
-// The frames of one sensor in the order in which its link delivers them: delayed, twice or overtaken if effects of
-// the link cause that.
+// The frames of one sensor in the order in which its link delivers them. Effects of the link may delay, duplicate or reorder
+// frames.
 #pragma once
 #include <span>
 #include <vector>
@@ -9,7 +9,7 @@
 
 namespace tactiled::sim {
 
-inline constexpr std::size_t kLatestFrame = 250;  // frames ago
+inline constexpr std::size_t kLatestFrame = 250;  // maximum delay, in frames
 
 struct SentFrame {
     std::uint64_t sample = 0;  // number of the sample; the sensor's frame number is sample / every

@@ -36,8 +36,8 @@ struct Block {
     std::array<std::uint32_t, kSize> missing;  // bit k: channel k has no value
     std::array<std::uint32_t, kSize> lost;     // frames lost directly before this one
     std::array<bool, kSize> dropped;           // this frame is not delivered
-    // Frames that arrive at each sample time, in order, at most two: 1 + the number of the sensor's frames by which
-    // it is late; 0 = none. {1, 0} without an effect of the link. arrivals.hpp hands them out.
+    // Frames that arrive at each sample time, in order, at most two: 1 + the number of the sensor's frames by which it is
+    // late; 0 = none. {1, 0} without an effect of the link. See arrivals.hpp.
     std::array<std::array<std::uint8_t, 2>, kSize> arrives;
 };
 

@@ -38,7 +38,6 @@ void require_known(const std::vector<Named>& names) {
         }
 }
 
-// Returns the level that a list requests.
 std::size_t level_of(const Decision& d, const std::string& name) {
     if (name.empty()) return Decision::kItself;
     std::vector<std::string_view> there;

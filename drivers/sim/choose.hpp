@@ -1,4 +1,4 @@
-// Selects the effects that a scene needs. The others are left out with a guaranteed error.
+// Selects the effects that a scene needs. The other effects are left out with a guaranteed error.
 #pragma once
 #include <string>
 #include <utility>
@@ -19,15 +19,15 @@ struct Decision {
     std::vector<double> level_cost_ns{};  // cost of each level
     static constexpr std::size_t kItself = SIZE_MAX;
     std::size_t level = kItself;  // its level, where it is on
-    // Where it is on: the parts of the scene (Choice::parts) in which it rests, and its bound in each of them, N. Empty: it
-    // never rests.
+    // If it is on: the parts of the scene (Choice::parts) in which it is suspended, and its bound in each part, N. Empty: it
+    // is never suspended.
     std::vector<bool> rests{};
     std::vector<double> part_N{};
-    double active_share = 1;  // of the scene's samples, where it is on
+    double active_share = 1;  // share of the scene's samples in which it is active, if it is on
 
-    // Error that it causes at its place in the chain, N: its bound if it is off, the error of its level if it is on.
+    // Error of the effect at its place in the chain, N: its bound if it is off, the error of its level if it is on.
     [[nodiscard]] double error_N() const { return !on ? bound.change_N : level == kItself ? 0 : levels[level].error_N; }
-    // Its mean cost over the scene as it is now.
+    // Mean cost of the effect over the scene with the present decision, ns per sample.
     [[nodiscard]] double spent_ns() const {
         return !on ? 0 : active_share * (level == kItself ? cost_ns : level_cost_ns[level]);
     }
@@ -37,7 +37,7 @@ struct Choice {
     std::vector<Decision> decisions;  // the effects that concern the sensor, in the order of the chain
     double wanted_N;
     double guaranteed_N;        // no channel differs by more from what all effects together would give
-    std::vector<Part> parts{};  // of the scene, where some effect rests in one
+    std::vector<Part> parts{};  // if an effect is suspended in some of them
 };
 
 // Chooses effects. `request`: "auto", "all", "none" or a list with commas of NAME or NAME:LEVEL. Auto takes the
@@ -45,12 +45,11 @@ struct Choice {
 // machine. setup: throws SetupError for an unknown name, and for a level that the effect does not offer here
 Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, const std::string& request);
 
-// When an effect that is on is active, in s since the scene began: all of the scene but for its rests.
+// Returns the intervals, in s since the scene began, in which an effect that is on is not suspended.
 std::vector<std::pair<double, double>> active_s(const Scene& scene, const Choice& choice, const Decision& decision);
 
-// Returns the error at the end of the chain that is caused by left-out effects and cheaper levels. Along the chain
-// each adds its own error (Decision::error_N), and each effect that is on passes on the error before it by its gain
-// and its jump.
+// Returns the error at the end of the chain that is caused by left-out effects and cheaper levels. Each effect adds its own
+// error (Decision::error_N); each effect that is on multiplies the error before it by its gain and adds its jump.
 double guaranteed_error_N(const std::vector<Decision>& decisions);
 
 // Leaves out effects or lowers their levels for the minimum sum of costs with guaranteed_error_N() <= wanted_N.
@@ -58,8 +57,8 @@ double guaranteed_error_N(const std::vector<Decision>& decisions);
 // Afterwards no single effect could be left out or lowered with the others unchanged.
 void leave_out(std::vector<Decision>& decisions, double wanted_N);
 
-// Lets instant effects that are on rest in parts of the scene, dearest first, while the guarantee holds in every part.
-// setup
+// Suspends instant effects in parts of the scene, the most expensive effect first, as long as the guarantee holds in every
+// part. setup
 void let_rest(const Scene& scene, const Sensor& sensor, Choice& choice);
 
 }  // namespace tactiled::sim

@@ -73,7 +73,7 @@ private:
         std::uint64_t next;  // number of the next frame in order
     };
 
-    // Fills the next frame of the present sensor. Returns false if this sample has no further frame of it.
+    // Fills the next frame of the present sensor. Returns false if this sample has no further frame of that sensor.
     bool fill(Frame& frame) noexcept {
         const std::size_t i = sensor_;
         if (arrived_.empty()) {

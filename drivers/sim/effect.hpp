@@ -108,7 +108,7 @@ public:
 // A cheaper model of an effect, in one setting.
 struct Level {
     std::string_view name;  // name in `--effects exact_overlap:cubic`
-    // No channel differs by more, N, from the result of the effect itself, for any input within the extent. Gain and
+    // Maximum difference of a channel, N, from the result of the effect itself, for any input within the extent. Gain and
     // jump are those of the effect.
     double error_N;
     std::function<std::unique_ptr<Effect>(const Setting&)> make;  // setup
@@ -127,9 +127,9 @@ struct EffectEntry {
     Bound (*bound)(const Setting&);                          // setup
     std::unique_ptr<Effect> (*make)(const Setting&);         // setup
     std::vector<Level> (*levels)(const Setting&) = nullptr;  // setup; the levels available here, in any order
-    // Its output, and that of its levels, depends on no other sample, so it may rest in a part of the scene.
+    // True if the output of the effect and its levels depends on no other sample, so that it may be suspended.
     bool instant = false;
-    // Delay of a slow signal on a channel of the sensor; nullptr: it delays nothing. setup
+    // Delay of a slow signal on a channel of the sensor; nullptr: no delay. setup
     double (*delay_s)(const Setting&, std::size_t channel) = nullptr;
 };
 

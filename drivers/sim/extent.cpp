@@ -98,7 +98,6 @@ Sharing sharing_of(const Place& place, double radius_m, bool grows) {
     return {1.07 * place.moves_m_s / radius_m, std::min(1.0, 1.07 * place.hops_m / radius_m), grows ? 0.385 : 0};
 }
 
-// The components of the load during a segment.
 std::array<Reach, kAxes> loads_of(const Segment& s, const Body& body, const Sensor& sensor, const Place& place,
                                   double share) {
     Reach press = reach_of(s, &State::press_N, s.wave_on_press ? s.amplitude_N : 0);
@@ -210,7 +209,7 @@ Extent Motion::extent(const Sensor& sensor, std::size_t first, std::size_t last)
         const Segment& s = segments_[i];
         const Place place = place_of(s, sensor, covers);
         const auto load = loads_of(s, body_, sensor, place, share);
-        if (i < first) {  // only what the next segment must know of it
+        if (i < first) {  // segments before `first` only set the state for the next segment
             for (std::size_t axis = 0; axis < kAxes; ++axis) end_jump[axis] = load[axis].end_jump;
             std::ignore = reverses(s, place, went);
             continue;

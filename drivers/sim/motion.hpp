@@ -12,7 +12,6 @@
 
 namespace tactiled::sim {
 
-// The body that touches the sensors.
 struct Body {
     enum class Shape { flat, sphere, edge, textured } shape = Shape::flat;
     double radius_m = 5e-3;     // radius of a sphere or of an edge's contact; a flat body covers the sensor
@@ -50,7 +49,7 @@ struct Segment {
     double amplitude_N = 0;
     double from_Hz = 0, to_Hz = 0;  // start and end frequency of a linear sine sweep
     double slid_m = 0;              // path slid before this segment
-    bool still = false;             // the segment is without any change
+    bool still = false;             // nothing changes during the segment
     std::string kind;               // name in the scene
     std::uint32_t line = 0;
 };
@@ -60,7 +59,7 @@ struct Extent {
     std::array<double, kAxes> max{};    // |load|: N, Nm
     std::array<double, kAxes> span{};   // maximum minus minimum, including the 0 before the scene
     std::array<double, kAxes> rate{};   // |d load / dt|, N/s, Nm/s, outside jumps
-    std::array<double, kAxes> jump{};   // largest change at once
+    std::array<double, kAxes> jump{};   // largest immediate change
     std::array<double, kAxes> added{};  // by effects of the contact, at any instant and in any order
     // largest decrease of a load through them, if the scene's own load never decreases
     std::array<double, kAxes> back{};
@@ -81,7 +80,7 @@ struct Extent {
     double stretch = 1, slack_s = 0;  // by effects of time: samples nominally t apart may be stretch * t + slack_s apart
 
     [[nodiscard]] double apart_s(double seconds) const { return stretch * seconds + slack_s; }
-    // Largest change of a component of the load within so many seconds.
+    // Largest change of a component of the load within that time.
     [[nodiscard]] double change(Axis axis, double seconds) const;
     [[nodiscard]] std::array<double, kAxes> changes(double seconds) const;  // for each component
 };
@@ -107,8 +106,8 @@ private:
     Body body_;
 };
 
-// Half the width of the contact before any effect changes it: the body's radius; a flat body covers the sensor. rt:
-// wait-free
+// Half the width of the contact before any effect changes it: the body's radius; a flat body covers the sensor.
+// rt: wait-free
 double contact_radius(const Body& body, const Sensor& sensor) noexcept;
 // True if the contact on the sensor's array grows with the press, as a sphere's does. rt: wait-free
 bool grows(const Body& body, const Sensor& sensor) noexcept;

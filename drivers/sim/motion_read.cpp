@@ -48,7 +48,7 @@ void press(Builder& b, Options& m) {
     b.add("press", m.number("in_s", kSeconds, 0.1), to, read_course(m));
 }
 
-// Reads the direction of a shear. It changes at once if there was no shear, because the shear then begins in it.
+// Reads the direction of a shear. Without a shear before, the direction changes immediately.
 void take_direction(Builder& b, Options& m, State& to) {
     to.direction_rad = m.number("direction_deg", kDegrees, b.state.direction_rad / kDegree) * kDegree;
     if (b.state.shear_N == 0) b.state.direction_rad = to.direction_rad;
@@ -230,7 +230,6 @@ void drop(Builder& b, Options& m) {
     b.add("drop", m.number("for_s", kSeconds, 0.1), to, Course::at_once);
 }
 
-// Repeats the last motions.
 void repeat(Builder& b, Options& m) {
     const auto last = std::size_t(m.integer("last", {1, 1000}, 1)), times = std::size_t(m.integer("times", {2, 1'000'000}));
     if (last > b.begins.size())

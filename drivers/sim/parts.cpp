@@ -1,4 +1,4 @@
-// The parts of a scene, the bounds of the effects in each, and the choice of effects that rest in some.
+// The parts of a scene, the bounds of the effects in each part, and the choice of effects that are suspended ("rest").
 #include "drivers/sim/parts.hpp"
 
 #include <algorithm>
@@ -17,7 +17,7 @@ std::size_t number_of(const Decision& d) {
     return std::size_t(std::find(chain().begin(), chain().end(), d.effect) - chain().begin());
 }
 
-// How far a sample may be taken from the time at which it is due, with the effects of time that concern the sensor.
+// Maximum difference between the actual and the nominal time of a sample, by the effects of time that concern the sensor.
 double margin_s(const Scene& scene, const std::vector<Decision>& decisions) {
     double stretch = 1, slack_s = 0;
     for (const Decision& d : decisions)
@@ -28,8 +28,8 @@ double margin_s(const Scene& scene, const std::vector<Decision>& decisions) {
     return (stretch - 1) * double(scene.samples) / scene.rate_Hz + slack_s + 1.5 / scene.rate_Hz;
 }
 
-// Bounds of one part: of an instant effect from the part alone, of the others from all of the scene up to its end, since
-// they remember what was before. What an effect before it may have changed counts likewise.
+// Bounds of one part. An instant effect is bounded over the part alone. Other effects have a memory, so they are bounded
+// over the scene up to the end of the part. The same holds for the changes by the effects before them.
 void bound_part(const Scene& scene, const Sensor& sensor, const Part& part, std::vector<Decision>& decisions) {
     Extent here = scene.motion.extent(sensor, part.first_segment, part.last_segment);
     Extent so_far = scene.motion.extent(sensor, 0, part.last_segment);
@@ -37,7 +37,7 @@ void bound_part(const Scene& scene, const Sensor& sensor, const Part& part, std:
     for (Decision& d : decisions) {
         Setting setting = scene.setting(number_of(d), sensor, so_far);
         setting.before = before_so_far;
-        // Effects of time, link effects: the bound of the whole scene.
+        // Effects of time and of the link have the bound of the whole scene.
         const bool whole = d.effect->stage == Stage::time || d.effect->stage == Stage::link;
         const Bound bound = whole ? d.bound : d.effect->bound(setting);
         Bound own = bound;
@@ -52,8 +52,8 @@ void bound_part(const Scene& scene, const Sensor& sensor, const Part& part, std:
     }
 }
 
-// The largest error at the end of the chain over all parts; beyond the parts' samples nothing rests, and the bounds are
-// those of the whole scene. An effect that remembers hands on the largest error so far.
+// Returns the largest error at the end of the chain over all parts. Outside the samples of the parts no effect is suspended,
+// and the bounds are those of the whole scene. An effect with a memory passes on the largest error so far.
 double error_with_rests_N(const std::vector<Decision>& decisions, std::size_t parts) {
     std::vector<double> error(parts, 0);
     double between = 0;

@@ -30,7 +30,7 @@ struct Scene {
     }
     // Returns the input of an effect. `effect` is its index in chain(). Scene, sensor and extent must outlive it.
     [[nodiscard]] Setting setting(std::size_t effect, const Sensor& sensor, const Extent& extent) const;
-    // The delay of each channel of a sensor by all effects together, of a slow signal, as a maker would state it. setup
+    // Returns the delay of each channel of a sensor by all effects together, for a slow signal as in a data sheet. setup
     [[nodiscard]] std::vector<double> delay_s(const Sensor& sensor) const;
 };
 

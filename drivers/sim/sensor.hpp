@@ -57,9 +57,9 @@ struct Sensor {
     HairSample hair{};
     CapacitiveSample capacitive{};
 
-    // Its position, its rotation about z against the scene's directions, and its share of the forces.
+    // The sensor's position, its rotation about z against the scene's directions, and its share of the forces.
     double x_m = 0, y_m = 0, turn_rad = 0, share = 1;
-    // half width of its cell in an array, 0 = alone: else `share` follows the overlap with the contact
+    // half width of the sensor's cell in an array, where `share` follows the overlap with the contact; 0 = no array
     double half_width_m = 0;
     std::size_t array_row = 0, array_column = 0, rows = 1, columns = 1;
     std::size_t every = 1;     // delivers each n-th sample of the scene

@@ -23,7 +23,7 @@ std::unique_ptr<Effect> before(Stage stage, const Scene& scene, const Sensor& se
     return nullptr;
 }
 
-// The samples in which the effect of a decision rests.
+// Returns the samples in which the effect of a decision is suspended.
 std::vector<std::pair<std::uint64_t, std::uint64_t>> rests_of(const Choice& choice, const Decision& decision) {
     std::vector<std::pair<std::uint64_t, std::uint64_t>> rests;
     for (std::size_t k = 0; k < choice.parts.size(); ++k)
@@ -68,7 +68,7 @@ const Block& Simulation::advance(std::size_t sensor) noexcept {
     Block& block = *line.block;
     block.first = line.next;
     block.n = std::size_t(std::min<std::uint64_t>(block_size_, scene_.samples - line.next));
-    // A rest begins and ends at a multiple of kSize, so no block holds the begin or the end of one.
+    // Suspensions begin and end at multiples of kSize, so that each block is suspended as a whole or not at all.
     if (!line.choice.parts.empty()) block.n = std::min<std::size_t>(block.n, Block::kSize - line.next % Block::kSize);
     line.next += block.n;
     if (block.n == 0) return block;
@@ -82,7 +82,7 @@ const Block& Simulation::advance(std::size_t sensor) noexcept {
     return block;
 }
 
-// True while the effect rests. Blocks come in order.
+// True while the effect is suspended. Blocks come in order.
 bool Simulation::rests(Step& step, std::uint64_t first) noexcept {
     while (step.next_rest < step.rests.size() && step.rests[step.next_rest].second <= first) ++step.next_rest;
     return step.next_rest < step.rests.size() && step.rests[step.next_rest].first <= first;

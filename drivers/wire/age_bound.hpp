@@ -15,9 +15,9 @@ namespace tactiled {
 //
 // The reference follows the drift of the clocks as a line. Its slope is fitted to the smallest x of each window. At the end
 // of a window the reference may also rise to the window's smallest x, by at most the uncertainty of the slope. A window
-// whose smallest x lies higher shows a lag: the line is then continued and not learned from. A frame below the reference
-// lowers it at once. A reference that is lowered for longer than the uncertainty of the slope explains belongs to a clock
-// that has become faster, or to a lag that shrinks evenly: see is_too_fast().
+// whose smallest x is higher than that shows a lag; the line is then continued without a new fit. A frame below the
+// reference lowers it at once. If the reference is lowered by more than the uncertainty of the slope explains, the clock has
+// become faster or a lag shrinks steadily: see is_too_fast().
 class AgeBound {
 public:
     struct Limits {
@@ -25,15 +25,15 @@ public:
         double wander = 40e-6;       // change of the drift within minutes, by temperature
         double wrap_ns = 0;          // the device's clock starts again from 0 after this time; 0 = never
         double held_share = 0.125;   // share of the uncertainty by which the reference rises during a lag
-        double excess = 0.05;        // largest part by which a clock runs too fast; x that falls faster is the end of a lag
-        bool begins_at_zero = true;  // when the device restarts
+        double excess = 0.05;        // largest relative excess of a clock's rate; if x falls faster, a lag ends
+        bool begins_at_zero = true;  // the device's clock is 0 after a restart
     };
 
-    // The device has measured a frame after the one before it, or it is an old one that has come before.
+    // Relation of a frame to the frame before it: measured later (is_new), or an old frame that is sent again (is_old).
     enum class Origin : std::uint8_t { unknown, is_new, is_old };
-    // After a restart the first time of the device's clock is at most this plus the silence before it.
+    // After a restart the first time of the device's clock is at most this plus the preceding silence.
     static constexpr double kBegun_ns = 0.5e9;
-    static constexpr double kReplay_ns = 60e9;  // old frames that come again are taken to be at most this old
+    static constexpr double kReplay_ns = 60e9;  // maximum age of old frames that are sent again
 
     AgeBound() : AgeBound(Limits()) {}
     explicit AgeBound(const Limits& limits) : limits_(limits), uncertainty_(limits.max_drift) {}
@@ -60,7 +60,7 @@ public:
         if (limits_.wrap_ns > 0 && !wraps_early_ && is_early_wrap(device_ns_, device_ns)) {
             ahead += kEarlyWrap_ns;
             wraps_early_ = true;
-            // Ends that had passed unseen, while the link was closed, made the frames late by as much.
+            // Wraps that were missed while the link was closed have increased x by multiples of the period.
             x_ -= kEarlyWrap_ns * std::nearbyint((x_ - reference_) / kEarlyWrap_ns);
         } else if (other_wrap_ns_ > 0 && ahead < 0 && double(device_ns) < step + kWrapError_ns + 2 * ahead_ns_ &&
                    (std::abs(step - ahead - other_wrap_ns_) < kWrapError_ns || is_other_wrap(step, device_ns))) {
@@ -72,7 +72,7 @@ public:
         if (ahead < 0) {
             const double reference = back_ns_ > 0 ? reference_if_set_back() : reference_;
             if (back_ns_ <= 0) before_back_ = x_;
-            // and later, if it came later after the one before than the device's frames follow each other
+            // includes the time by which this frame came later than the device's frame interval
             late_before_back_ = x_ - reference + std::max(step - ahead_ns_, 0.0);
             back_ns_ = step - ahead;
             const bool has_begun = limits_.begins_at_zero && double(device_ns) < step + kBegun_ns;
@@ -84,61 +84,61 @@ public:
             back_for_ns_ = 0;
             min_since_back_ = first_since_back_ = x_ + back_ns_ - slope_ * t_;
         }
-        back_for_ns_ += std::max(std::min(ahead, step), 0.0);  // a silence shows nothing
+        back_for_ns_ += std::max(std::min(ahead, step), 0.0);  // counts only time that has passed on both clocks
         ahead_ns_ = ahead;
         x_ += step - ahead;
         min_since_back_ = std::min(min_since_back_, x_ - slope_ * t_);
         if (back_ns_ > 0 && x_ - before_back_ < (first_since_back_ + slope_ * t_ - before_back_) / 2)
-            back_ns_ = 0;  // a frame that was overtaken comes alone
+            back_ns_ = 0;  // a single reordered frame, so the clock was not set back
         advance(step);
         if (back_ns_ > 0 && back_for_ns_ > set_back_after_ns_) accept_set_back();
         return x_ - reference_;
     }
 
-    // A clock of 30 bits of microseconds, as the ticks of MicroPython, has begun again from 0. The times are those of a
-    // decoder, which knows 32 bits. rt: wait-free
+    // Returns true if a clock of 30 bits of microseconds (the ticks of MicroPython) has wrapped. The times are from a
+    // decoder, which assumes 32 bits. rt: wait-free
     [[nodiscard]] static bool is_early_wrap(std::uint64_t before_ns, std::uint64_t after_ns) noexcept {
         constexpr auto kEnd_ns = std::uint64_t(kEarlyWrap_ns);
         return after_ns < 20'000'000'000 && before_ns < kEnd_ns && before_ns > kEnd_ns - 5'000'000'000;
     }
 
-    // The next frames are known to be on time: the reference is learned anew. The slope is kept. rt: wait-free
+    // Restarts the estimate of the reference when the next frames are known to be on time. The slope is kept. rt: wait-free
     void restart() noexcept {
         lowered_ns_ = 0;
         begin_again();
     }
 
-    // The device's clock advances faster than its rate and its uncertainty allow, by more than 60 ms in sum: while that goes
-    // on, a lag that begins is not seen. It is not forgotten. rt: wait-free
+    // True if the device's clock has advanced by more than 60 ms more than its rate and uncertainty allow. A lag that begins
+    // in this state is not detected. The state is permanent. rt: wait-free
     [[nodiscard]] bool is_too_fast() const noexcept { return is_too_fast_; }
 
-    // Host time less the device's time, since the first frame. rt: wait-free
+    // Host time minus device time, relative to the first frame. rt: wait-free
     [[nodiscard]] double offset_ns() const noexcept { return x_; }
 
-    // The device's clock has gone back, and it is not known yet whether it was set back. rt: wait-free
+    // True if the device's clock has gone back and it is not yet known whether it was set back. rt: wait-free
     [[nodiscard]] bool has_gone_back() const noexcept { return back_ns_ > 0; }
-    // How often the device's clock was set back, and has stayed so.
+    // Number of times that the device's clock was set back permanently.
     [[nodiscard]] unsigned set_back() const noexcept { return set_back_; }
-    // When the clock last went back, nothing showed whether its frames were new, or old ones that came again.
+    // True if it was unknown, when the clock last went back, whether the frames were new or old frames sent again.
     [[nodiscard]] bool may_be_old() const noexcept { return may_be_old_; }
-    // The silence before the frame that showed it first, in which a lag may have begun that no clock shows.
+    // Silence before the first frame after the clock was set back. A lag that began in this silence is visible in no clock.
     [[nodiscard]] double silence_before_set_back_ns() const noexcept { return back_silence_ns_; }
-    // The last frame is the first one after a known period of the clock, which had been learned from an earlier end.
+    // True if the last frame is the first one after a wrap whose period was learned from an earlier wrap.
     [[nodiscard]] bool has_wrapped() const noexcept { return has_wrapped_; }
-    // The last frame came much earlier than any before: a lag since the start has ended, or the clock was set.
+    // True if the last frame was much earlier than all frames before: a lag since the start has ended, or the clock was set.
     [[nodiscard]] bool has_fallen() const noexcept { return has_fallen_; }
-    // By how much the last frame came earlier than any before, and more than by its slope.
+    // Amount by which the last frame was earlier than all frames before, minus the part that the drift explains.
     [[nodiscard]] double fell_ns() const noexcept { return fell_ns_; }
-    // The reference has fallen by more than 50 ms within about as much of the host's time: frames that had been kept while
-    // the host's clock stood still (a virtual machine), or since before the first one, come one after the other. Until that
-    // is over, the frames are older than they seem. rt: wait-free
+    // True if the reference has fallen by more than 50 ms within about the same time of the host. Frames that were buffered
+    // while the host's clock stood still (a virtual machine), or since before the first frame, then arrive in a burst, and
+    // the frames are older than they seem until its end. rt: wait-free
     [[nodiscard]] bool is_falling() const noexcept { return falling_ns_ - (t_ - fell_at_) > kFalling_ns; }
-    // The last frame is known to be on time. rt: wait-free
+    // Call it when the last frame is known to be on time. rt: wait-free
     void end_fall() noexcept { falling_ns_ = 0; }
-    // The device's clock has run ahead in jumps, so often that it cannot have been set: its unit is not what was stated. It
-    // proves nothing. rt: wait-free
+    // True if the device's clock has jumped ahead so often that it cannot have been set. Its unit is then not the stated
+    // one, and the clock proves nothing. rt: wait-free
     [[nodiscard]] bool is_no_clock() const noexcept { return is_no_clock_; }
-    // The smallest lateness of the last window shows a lag.
+    // True if the smallest lateness of the last window shows a lag.
     [[nodiscard]] bool is_held() const noexcept { return is_held_; }
     // Uncertainty of the drift between the clocks, as a fraction.
     [[nodiscard]] double uncertainty() const noexcept { return uncertainty_; }
@@ -147,29 +147,29 @@ private:
     static constexpr std::size_t kWindows = 90;
     // one eighth of the span of the fit, within these limits
     static constexpr double kMinWindow_ns = 0.5e9, kMaxWindow_ns = 10e9;
-    static constexpr unsigned kMinFrames = 8, kMinPoints = 6;  // minimum number for a window, and for a fit
-    // Delays that vary within minutes change the slope by this over the span of the fit: USB polls of 16 ms, and half
-    // as much again.
+    static constexpr unsigned kMinFrames = 8, kMinPoints = 6;  // minimum number of frames in a window, and of points in a
+                                                               // fit
+    // Change of the fitted line over its span by delays that vary within minutes: USB polls of 16 ms, with a margin.
     static constexpr double kPerturbation_ns = 30e6;
-    static constexpr double kFall_ns = 20e6;     // a larger fall of the smallest delay would bend the fit: it begins again
-    static constexpr double kLag_ns = 10e6;      // the smallest delay of a window does not grow by so much without a lag
+    static constexpr double kFall_ns = 20e6;     // a larger fall would distort the fit, which is restarted
+    static constexpr double kLag_ns = 10e6;      // maximum growth of the smallest delay of a window without a lag
     static constexpr double kTooFast_ns = 60e6;  // a fall of kFall_ns, then delays that differ by less than 40 ms
-    static constexpr double kJump_ns = 100e6;    // no rate explains such a fall within one frame
+    static constexpr double kJump_ns = 100e6;    // a larger fall within one frame is explained by no rate
     static constexpr double kFalling_ns = 50e6, kMaxFalling_ns = 100e6;
-    // A clock is not set eight times within minutes.
+    // Limit of jumps: a clock is not set eight times within minutes.
     static constexpr double kMaxJumps = 8, kJumpsForgotten = 1 / 60e9, kOneJump_ns = 0.5e9;
-    // A clock that has gone back was set back, if it stays so for longer than it went back: else old frames come again, once
-    // or in a ring.
+    // A clock that has gone back counts as set back if it stays so for longer than the step back. Otherwise old frames are
+    // sent again, once or in a ring.
     static constexpr double kSetBack_ns = 2e9, kLonger = 1.1;
     static constexpr double kEarlyWrap_ns = 1073741824e3;  // 2^30 us
-    static constexpr double kWrapError_ns = 50e6;          // by which two delays differ that are no lag
+    static constexpr double kWrapError_ns = 50e6;          // difference of two delays that does not count as a lag
 
     struct Point {
         double t_ns, x_ns;
     };
 
-    // A clock that begins again from 0 after a period that it has shown before, during a silence of `step`: the frame
-    // was measured within the silence, and may be late by the rest of it.
+    // Returns true if the clock wrapped after the learned period during a silence of `step`. The frame was measured within
+    // the silence and may be late by the rest of the silence.
     [[nodiscard]] bool is_other_wrap(double step, std::uint64_t device_ns) const noexcept {
         const double left_ns = other_wrap_ns_ - double(device_ns_);
         return -kWrapError_ns < left_ns && left_ns < step + kWrapError_ns && double(device_ns) - kWrapError_ns < step;
@@ -183,8 +183,8 @@ private:
         open_window();
     }
 
-    // A lag that there was before the clock was set back is there still: the first frame after it was measured later than
-    // the one before it, and so came at most that much late.
+    // A lag that existed before the clock was set back persists. The first frame after the step was measured after the frame
+    // before it, so it was late by at most late_before_back_.
     [[nodiscard]] double reference_if_set_back() const noexcept {
         const double lag = late_before_back_ > kWrapError_ns ? late_before_back_ : 0;
         return std::min(first_since_back_ - lag, min_since_back_) + slope_ * t_;
@@ -192,7 +192,7 @@ private:
 
     void accept_set_back() noexcept {
         const double reference = reference_if_set_back();
-        // After a silence it has restarted: no period is known.
+        // After a silence the device has restarted, so the step back is not a period of its clock.
         const bool may_be_period = limits_.wrap_ns > 0 && back_silence_ns_ < kWrapError_ns + 2 * ahead_ns_;
         other_wrap_ns_ = may_be_period ? back_ns_ : 0;
         ++set_back_;
@@ -208,7 +208,7 @@ private:
         reference_ += risen;
         excess_ns_ = std::min(excess_ns_ + limits_.excess * step, kFall_ns);
         explain(uncertainty_ * step);
-        if (has_wrapped_) lowered_ns_ = -kWrapError_ns;  // the period is known so well
+        if (has_wrapped_) lowered_ns_ = -kWrapError_ns;  // accuracy to which the period is known
         if (x_ < reference_) lower(step, risen);
         if (const double above = x_ - reference_; above < window_min_) {
             window_min_ = above;
@@ -222,7 +222,7 @@ private:
         if (lowered_ns_ > 0) lowered_ns_ = std::max(lowered_ns_ - fall_ns, 0.0);
     }
 
-    // `risen`: by which the reference was raised for a silence.
+    // `risen`: amount by which the reference was raised for a silence.
     void lower(double step, double risen) noexcept {
         const double fall = reference_ - x_, counted = std::min(fall, excess_ns_);
         fell_ns_ = std::max(fall - risen - uncertainty_ * step, 0.0);
@@ -236,7 +236,7 @@ private:
             has_fallen_ = true;
             if (fell_ns_ > kJump_ns + limits_.excess * step) {
                 lowered_ns_ = 0;
-                if (t_ - last_jump_ > kOneJump_ns) {  // a backlog that came at once is one
+                if (t_ - last_jump_ > kOneJump_ns) {  // a backlog that arrives at once counts as one jump
                     jumps_ = std::max(jumps_ - (t_ - last_jump_) * kJumpsForgotten, 0.0) + 1;
                     last_jump_ = t_;
                     is_no_clock_ = is_no_clock_ || jumps_ > kMaxJumps;
@@ -300,21 +300,21 @@ private:
     double t_ = 0, x_ = 0, reference_ = 0;  // since the first frame
     double slope_ = 0, uncertainty_;
     double ahead_ns_ = 0;  // last step of the device's clock
-    double back_ns_ = 0;   // x rose by this because the device's clock went back; 0: it did not
+    double back_ns_ = 0;   // increase of x when the device's clock went back; 0: no step back
     double back_silence_ns_ = 0;
     bool may_be_old_ = false;
     double set_back_after_ns_ = kSetBack_ns;
-    double back_for_ns_ = 0;                            // the device's clock has advanced by this since it went back
-    double before_back_ = 0, late_before_back_ = 0;     // x and the lateness before
-    double first_since_back_ = 0, min_since_back_ = 0;  // x since then, without the drift
-    double lowered_ns_ = 0;  // sum by which the reference was lowered, as far as neither drift nor jumps explain it
-    double excess_ns_ = 0;   // by which a clock that is too fast may have lowered it since
+    double back_for_ns_ = 0;                            // time that has passed on both clocks since the step back
+    double before_back_ = 0, late_before_back_ = 0;     // x and the lateness before the step back
+    double first_since_back_ = 0, min_since_back_ = 0;  // x after the step back, without the drift
+    double lowered_ns_ = 0;  // sum of the reductions of the reference that neither drift nor jumps explain
+    double excess_ns_ = 0;   // further reduction that a clock with the excess rate may cause
     bool is_too_fast_ = false, has_fallen_ = false, is_no_clock_ = false;
     double fell_ns_ = 0;
-    double falling_ns_ = 0, fell_at_ = 0;  // sum of the falls, less the time since, at this t_
-    double last_jump_ = -1e300;            // its time t_
-    double jumps_ = 0;                     // falls that no rate explains; one is forgotten each minute
-    double other_wrap_ns_ = 0;             // period of the device's clock, besides wrap_ns; 0: not known
+    double falling_ns_ = 0, fell_at_ = 0;  // sum of the falls minus the time since; time t_ of the last fall
+    double last_jump_ = -1e300;            // time t_ of the last jump
+    double jumps_ = 0;                     // number of falls that no rate explains; decreases by one per minute
+    double other_wrap_ns_ = 0;             // learned period of the device's clock, in addition to wrap_ns; 0: unknown
     bool wraps_early_ = false, has_wrapped_ = false;
     unsigned set_back_ = 0;
     double window_begin_ = 0, window_ns_ = kMinWindow_ns, window_min_ = 1e300;

@@ -27,7 +27,7 @@ std::string_view cut_cell(std::string_view& line, char separator, bool& more) no
     more = end != std::string_view::npos;
     const std::string_view cell = trimmed(line.substr(0, end));
     line.remove_prefix(more ? end + 1 : line.size());
-    if (separator == ' ')  // blanks in a row separate once
+    if (separator == ' ')  // consecutive blanks are one separator
         while (!line.empty() && line.front() == ' ') line.remove_prefix(1);
     return cell;
 }
@@ -131,7 +131,7 @@ bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {
     const char separator = separator_of(line);
     if (separator == ' ') line = trimmed(line);  // else a blank or a tab at an end may bound an empty cell
     std::uint32_t sequence = 0;
-    std::uint64_t clock_us = 0;  // modulo 2^32, and devices that print more do not begin again there
+    std::uint64_t clock_us = 0;  // the format is modulo 2^32, but devices that print larger times do not wrap there
     bool more = true;
     if (format_.sequence && !read_number(cut_cell(line, separator, more), sequence)) return reject(TACTILED_LINK_BAD_VALUE);
     if (format_.time_us && (!more || !read_number(cut_cell(line, separator, more), clock_us)))

@@ -72,7 +72,7 @@ void CanSamples::reset() noexcept {
 }
 
 bool CanSamples::reject(tactiled_link_count kind) noexcept {
-    if (!std::exchange(rejected_, true)) ++counts_[kind];  // counted once per message, whatever the number of its signals
+    if (!std::exchange(rejected_, true)) ++counts_[kind];  // counted once per message, for any number of signals
     return false;
 }
 

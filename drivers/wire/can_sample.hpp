@@ -74,7 +74,7 @@ private:
         std::uint32_t count = 0;       // value of the counter
         std::uint32_t orphans = 0;     // bit n: part n arrived of a sample that is lost already
         std::uint64_t orphans_ns = 0;  // time of the first orphan
-        std::uint32_t lost = 0;        // a first part has come since reset(); before, a missing one does not count
+        std::uint32_t lost = 0;        // samples lost since the last complete one
         bool begun = false;            // a first part has come since reset(); before, a missing one does not count
         SequenceTracker sequence;
     };

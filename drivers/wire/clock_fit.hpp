@@ -9,12 +9,12 @@ namespace tactiled {
 
 // Software timestamps: the kernel's CLOCK_REALTIME, which may be set to any time.
 //
-// A message in the socket arrived after the socket was last seen empty and before now. The result is between these
-// two times, whatever the wall clock does; the timestamp selects the time in between.
+// A message in the socket arrived after the socket was last seen empty and before now. The result is always between these
+// two times; the timestamp selects the time in between.
 class ArrivalTime {
 public:
-    // Takes readings of both clocks, made one after the other. Returns false if the wall clock was set since the last
-    // call: then only the bounds are valid. rt: wait-free
+    // Takes successive readings of both clocks. Returns false if the wall clock was set since the last call: then only the
+    // bounds are valid. rt: wait-free
     bool look(std::uint64_t monotonic_ns, std::uint64_t realtime_ns) noexcept {
         const std::uint64_t was_ns = realtime_ns_ - now_ns_, is_ns = realtime_ns - monotonic_ns;  // modulo 2^64
         const bool first = realtime_ns_ == 0;
@@ -44,12 +44,12 @@ private:
 // An adapter's clock, which measures the time between two messages but has its own origin and rate.
 //
 // arrival = adapter's timestamp + offset + delay, delay >= 0. The smallest arrival - timestamp seen is the offset plus the
-// smallest delay: that of the messages that nothing held up. The clocks drift apart by at most kMaxDrift, so this minimum
-// rises at that rate until a message comes below it. The result is therefore never before the message was on the bus, as far
-// as the drift is bounded, and never after it arrived. Messages that stay late are never taken for messages on time.
+// smallest delay, that of messages that were not held up. The clocks drift apart by at most kMaxDrift, so this minimum rises
+// at that rate until a message comes below it. The result is therefore never before the message was on the bus, as far as
+// the drift is bounded, and never after it arrived. Messages that stay late are never taken for messages on time.
 class ClockFit {
 public:
-    // The time of a message on the bus, but for the smallest delay that the way from there ever has. rt: wait-free
+    // Returns the time of a message on the bus, plus the minimum delay of its path. rt: wait-free
     std::uint64_t monotonic_ns(std::uint64_t timestamp_ns, std::uint64_t arrival_ns) noexcept {
         const std::uint64_t offset_ns = arrival_ns - timestamp_ns;  // modulo 2^64, as all values computed from it
         if (fitted_) {
@@ -59,13 +59,13 @@ public:
             const double above_ns = above_base_ns(offset_ns);
             const bool set_back = std::int64_t(timestamp_ns - timestamp_ns_) < 0;
             const bool set_on = above_ns < min_ns_ - kHeldUp_ns;
-            if (is_held_up && (set_back || set_on))  // the messages are as late as before
+            if (is_held_up && (set_back || set_on))  // the clock was set, and the messages are as late as before
                 base_ns_ = offset_ns - std::uint64_t(std::int64_t(std::floor(std::min(min_ns_ + late_ns_, 9e18))));
             else
                 fitted_ = !set_back && above_ns > -kMaxBelow_ns;
         }
         if (!fitted_) {
-            base_ns_ = offset_ns;  // the difference to it fits a double to the nanosecond
+            base_ns_ = offset_ns;  // keeps differences small enough for a double to resolve the nanosecond
             min_ns_ = 0;
         }
         min_ns_ = std::min(min_ns_, above_base_ns(offset_ns));
@@ -79,7 +79,7 @@ public:
 
     static constexpr double kMaxDrift = 200e-6;  // two crystals of 100 ppm
     static constexpr double kHeldUp_ns = 20e6;   // USB batches were 10 ms late, an emulated machine's 130 ms
-    static constexpr double kHeldShare = 0.125;  // of the drift, by which the minimum rises while messages are held up
+    static constexpr double kHeldShare = 0.125;  // share of the drift by which the minimum rises while messages are held up
 
 private:
     static constexpr double kMaxBelow_ns = 1e15;  // a double still resolves the nanosecond
@@ -90,8 +90,8 @@ private:
 
     bool fitted_ = false;
     std::uint64_t base_ns_ = 0, last_ns_ = 0, timestamp_ns_ = 0;
-    double min_ns_ = 0;   // above base_ns_: the smallest offset, as far as known now
-    double late_ns_ = 0;  // of the last message
+    double min_ns_ = 0;   // smallest offset known now, relative to base_ns_
+    double late_ns_ = 0;  // lateness of the last message
 };
 
 }  // namespace tactiled

@@ -77,8 +77,7 @@ public:
     [[nodiscard]] virtual std::span<const std::uint8_t> stop_bytes() const noexcept { return {}; }
 
 protected:
-    // Uses one byte. Returns true if it completed `frame`; the base class sets the timestamp and counts. rt:
-    // wait-free
+    // Uses one byte. Returns true if it completed `frame`; the base class sets the timestamp and counts. rt: wait-free
     [[nodiscard]] virtual bool take(std::uint8_t byte, Frame& frame) noexcept = 0;
 
     LinkCounts& counts_;

@@ -16,7 +16,7 @@ public:
     enum class Found : std::uint8_t {
         nothing,
         message,  // message() is complete
-        first,    // first of several frames: send answer(), or the others do not come
+        first,    // first of several frames: send answer() to receive the others
         bad       // not a frame of the protocol
     };
     // Takes a frame that arrived at `t_ns`. rt: bounded by 64 bytes
@@ -24,10 +24,10 @@ public:
 
     // The message, valid until the next take(). rt: wait-free
     [[nodiscard]] std::span<const std::uint8_t> message() const noexcept { return {bytes_.data(), wanted_}; }
-    // Arrival of the message's first frame, so a number in it is never older. rt: wait-free
+    // Arrival of the message's first frame: a later time would make the numbers look newer. rt: wait-free
     [[nodiscard]] std::uint64_t t_ns() const noexcept { return began_ns_; }
-    // A flow control frame: send all frames without pauses; or, for a message that does not fit here, send none. rt:
-    // wait-free
+    // A flow control frame: send all frames without pauses; or, for a message that does not fit here, send none.
+    // rt: wait-free
     [[nodiscard]] std::array<std::uint8_t, 8> answer() const noexcept;
 
     // Returns the number of messages since the last call that began and did not end. A message whose beginning was

@@ -79,13 +79,13 @@ ModbusAnswers::Found ModbusAnswers::next() noexcept {
     return found;
 }
 
-// RTU messages are separated only by silences, which USB adapters do not preserve. Bytes with the right unit,
-// function, length and CRC are therefore the answer, at any position, and noise before them does no harm.
+// RTU messages are separated only by silences, which USB adapters do not preserve. Bytes with the right unit, function,
+// length and CRC are therefore the answer, at any position, and noise before them is ignored.
 //
-// An adapter may echo its own request. If one register is read, the beginning of that echo can be a whole answer
-// (0x0200 .. 0x02FF, if the CRC happens to fit), so the first exact copy of the request is skipped before anything is
-// judged. Its 8 bytes are not the length of an answer. The confirmation of a write with function 6 is such a copy
-// itself: the first copy is then skipped only on a line that has echoed the last read.
+// An adapter may echo its own request. If one register is read, the beginning of that echo can be a whole answer (0x0200 ..
+// 0x02FF, if the CRC happens to fit), so the first exact copy of the request is skipped before anything is judged. Its 8
+// bytes are not the length of an answer. The confirmation of a write with function 6 is such a copy itself: the first copy
+// is then skipped only on a line that has echoed the last read.
 ModbusAnswers::Found ModbusAnswers::next_rtu() noexcept {
     std::size_t at = 0;
     Found found = Found::nothing;

@@ -36,7 +36,7 @@ std::size_t modbus_answer_bytes(ModbusWire wire, const ModbusRequest& request) n
 class ModbusAnswers {
 public:
     enum class Found {
-        nothing,       // yet
+        nothing,       // no answer yet
         good,          // registers() has the values, or the write was confirmed
         refused,       // exception() has the reason
         wrong_length,  // an answer with another number of registers than requested
@@ -54,8 +54,7 @@ public:
     // rt: wait-free
     std::span<std::uint8_t> room() noexcept { return std::span(bytes_).subspan(size_); }
     void took(std::size_t n) noexcept { size_ += n; }
-    // Searches the received bytes; a result other than `nothing` closes the request. rt: bounded by the bytes that
-    // came
+    // Searches the received bytes; a result other than `nothing` closes the request. rt: bounded by the received bytes
     Found next() noexcept;
     // Returns the counter for a request without an answer. rt: wait-free
     [[nodiscard]] tactiled_link_count missing() const noexcept;

@@ -1,4 +1,4 @@
-// Limits how often a link is opened again in order to prove the age of its frames. Time comes only from the caller.
+// Limits how often a link is opened again in order to prove the age of its frames. The caller passes the time.
 #pragma once
 #include <algorithm>
 #include <cstdint>
@@ -7,8 +7,8 @@ namespace tactiled {
 
 class ReopeningPace {
 public:
-    // Returns true if the link may be opened again now, because of a trouble that exists since `trouble_ns`, and
-    // counts it: at most once a second, and less often while it does not help. rt: wait-free
+    // Returns true if the link may be opened again now because of a fault that exists since `trouble_ns`, and counts the
+    // opening. The limit is one opening per second, and less while openings do not help. rt: wait-free
     [[nodiscard]] bool allows(std::uint64_t host_ns, std::uint64_t trouble_ns) noexcept {
         if (host_ns < not_before_ns_) return false;
         const bool helped = trouble_ns > last_ns_ + kHelped_ns;
@@ -20,7 +20,7 @@ public:
 
 private:
     static constexpr std::uint64_t kMinPause_ns = 1'000'000'000, kMaxPause_ns = 60'000'000'000;
-    // A trouble that begins so long after the last opening is another one.
+    // A fault that begins at least this long after the last opening counts as a new fault.
     static constexpr std::uint64_t kHelped_ns = 5'000'000'000;
 
     std::uint64_t last_ns_ = 0, not_before_ns_ = 0, pause_ns_ = kMinPause_ns;

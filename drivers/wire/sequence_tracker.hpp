@@ -7,16 +7,15 @@
 
 namespace tactiled {
 
-// A step ahead by less than half the counter's range is a gap of that many frames. A step back is a frame that was
-// sent twice or overtaken, and is dropped, unless the device has restarted: its clock went back, or the next frame
-// continues its count. A restart therefore costs no frame if the device sends its time, else one frame.
+// A step ahead by less than half the counter's range is a gap of that many frames. A step back is a frame that was sent
+// twice or overtaken, and is dropped, unless the device has restarted: its clock went back, or the next frame continues its
+// count. A restart therefore costs no frame if the device sends its time, else one frame.
 //
-// Events that are rare with one device raise a doubt: a number that was used already, with another content; a
-// restart, which counts twice. Each takes kDoubt frames in order to be forgotten. Five that are not forgotten
-// indicate a second device with the same number; frames can then not be assigned until at most seven times kDoubt
-// frames in a row are in order. A second device that sends at least each 20th frame is detected before 20 of its
-// readings were taken for the first one's; a device that sends less than each 32nd may not be detected
-// (sequence_tracker_test).
+// Events that are rare with one device raise a doubt: a number that was used already, with another content; a restart, which
+// counts twice. Each doubt is forgotten after kDoubt consecutive frames in order. Five doubts that are not forgotten
+// indicate a second device with the same number; frames can then not be assigned until at most seven times kDoubt frames in
+// a row are in order. A second device that sends at least each 20th frame is detected before 20 of its readings were taken
+// for the first one's; a device that sends less than each 32nd may not be detected (sequence_tracker_test).
 class SequenceTracker {
 public:
     static constexpr unsigned kDoubt = 32, kContested = 5 * kDoubt, kMax = 7 * kDoubt;
@@ -38,13 +37,13 @@ public:
         const bool behind = step > mask / 2;
         const bool counts_on = behind && dropped_ && ((sequence - last_dropped_ - 1) & mask) == 0;
         const std::uint32_t back = (last_ - sequence) & mask;
-        if (started_ && behind && !counts_on && is_overtaken(back)) {  // its clock went back, too
+        if (started_ && behind && !counts_on && is_overtaken(back)) {  // the clock of a reordered frame is behind, too
             doubt(kOvertaken);
             return {false, contested_, 0};
         }
         const bool restart = !started_ || (clock_went_back && step != 0) || counts_on;
         if (behind && !restart) {
-            // More of what was dropped just before is the same doubt: a restart whose second frame is lost.
+            // A number after the dropped ones raises no further doubt: a restart whose second frame is lost.
             const bool more = dropped_ && ((sequence - last_dropped_ - 1) & mask) <= mask / 2;
             if (!more && (back != 0 || content != content_)) doubt(kDoubt);
             dropped_ = true;
@@ -54,7 +53,7 @@ public:
         if (!restart)
             trust();
         else if (started_)
-            doubt(counts_on ? kDoubt : 2 * kDoubt);  // the frame before was dropped, and doubted, if it continues the count
+            doubt(counts_on ? kDoubt : 2 * kDoubt);  // if the count goes on, the dropped frame raised a doubt already
         seen_ = std::uint8_t(restart ? 0xFFu : step >= 8 ? 0u : unsigned{seen_} << (step + 1) | 1u << step);
         started_ = true;
         dropped_ = false;
@@ -62,12 +61,12 @@ public:
         content_ = content;
         return {true, contested_, restart || contested_ ? 0 : step};
     }
-    // Notes a frame that cannot be of the same device as the others. rt: wait-free
+    // Reports a frame that cannot be of the same device as the others. rt: wait-free
     void suspect() noexcept { doubt(kDoubt); }
     void reset() noexcept { *this = {}; }
 
 private:
-    // Returns true if one of the last eight was missing, and marks it as received.
+    // Returns true if the number is one of the last eight and was missing, and marks it as received.
     bool is_overtaken(std::uint32_t back) noexcept {
         if (back == 0 || back > 8 || (seen_ >> (back - 1) & 1u) != 0) return false;
         seen_ = std::uint8_t(seen_ | 1u << (back - 1));
@@ -89,8 +88,8 @@ private:
     unsigned doubt_ = 0;  // frames in order until there is no doubt
 };
 
-// The width of a counter of which the format states none: one that goes from 255 or 65535 to 0 has 8 or 16 bits, until it
-// counts further.
+// Estimates the width of a counter if the format states none: a counter that goes from 255 or 65535 to 0 has 8 or 16 bits,
+// until it exceeds that.
 class CounterWidth {
 public:
     // rt: wait-free
@@ -106,8 +105,8 @@ private:
     std::uint32_t last_ = 0;
 };
 
-// An accepted frame gets its number, and loses its n_channels, which are set by then, where two devices count: nobody knows
-// whose they are. rt: wait-free
+// Sets the number of an accepted frame, whose n_channels must be set. If two devices use one counter, n_channels becomes 0,
+// because the channels cannot be assigned. rt: wait-free
 inline void put_number(Frame& frame, std::uint32_t sequence, unsigned bits,
                        const SequenceTracker::Verdict& verdict) noexcept {
     frame.sequence = sequence;

@@ -1,5 +1,5 @@
-// Proves the age of the frames of one device, or reports that it is not proved. Time comes only from the caller. The
-// page freshness.md explains the rules.
+// Proves the age of the frames of one device, or reports that it is not proved. The caller passes the time. The page
+// freshness.md explains the rules.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -33,19 +33,19 @@ public:
         set_rate(rate_Hz, rate_tolerance);
     }
 
-    // Exchanges the declared rate. An age that is not proved, or a lag, stays until the link is opened again. rt: wait-free
+    // Replaces the declared rate. An unproved age or a lag persists until the link is opened again. rt: wait-free
     void set_rate(double rate_Hz, double rate_tolerance) noexcept {
         declared_ns_ = rate_Hz > 0 ? 1e9 / rate_Hz : 0;
         tolerance_ = rate_tolerance;
     }
 
-    // Begins again for a link with this path that was opened at `opened_ns` of the host's time, 0 = not known. rt:
-    // wait-free
+    // Restarts the proof for a link with this path that was opened at `opened_ns` of the host's time, 0 = unknown.
+    // rt: wait-free
     void open(const Route& route, std::uint64_t opened_ns = 0) noexcept;
 
-    // Sets t_ns, late_ns and age of `frame`, which was read from the kernel at `frame.taken_ns`. `host_ns` is the
-    // same time on a clock without corrections that also runs while the machine is suspended. Every frame of the
-    // device must pass here, in order. rt: as AgeBound::late_ns()
+    // Sets t_ns, late_ns and age of `frame`, which was read from the kernel at `frame.taken_ns`. `host_ns` is the same time
+    // on a clock without corrections that also runs while the machine is suspended. Call it for every frame of the device,
+    // in order. rt: as AgeBound::late_ns()
     void judge(Frame& frame, std::uint64_t host_ns) noexcept;
 
     [[nodiscard]] Proof proof() const noexcept { return proof_; }
@@ -54,26 +54,26 @@ public:
         return route_.path == Route::Path::network ||
                (route_.path == Route::Path::direct && route_.device_clock && frame.device_time_us != 0);
     }
-    // The age is not proved, or too large. rt: wait-free
+    // True if the age is not proved or too large, and the path discards waiting frames when it is reopened. rt: wait-free
     [[nodiscard]] bool is_in_trouble() const noexcept { return trouble_ns_ != 0 && route_.reopening_discards; }
-    // Host time since which the age is not proved or too large; 0: it is proved. rt: wait-free
+    // Host time since which the age is not proved or too large; 0: the age is proved. rt: wait-free
     [[nodiscard]] std::uint64_t trouble_ns() const noexcept { return trouble_ns_; }
-    // How long the link should stay closed when it is opened again: the frames that a path discards meanwhile must be seen
-    // to be missing. rt: wait-free
+    // Time for which the link should stay closed before it is reopened, so that the frames discarded meanwhile are a
+    // detectable gap. rt: wait-free
     [[nodiscard]] std::uint64_t closed_ns() const noexcept {
         return std::uint64_t(std::clamp(kMissingFrames * interval_ns(), kMinClosed_ns, kMaxClosed_ns));
     }
-    // Opening the link again may prove what is not proved now, or end a lag that lasts. rt: wait-free
+    // True if a reopening may prove the age or end a persistent lag. rt: wait-free
     [[nodiscard]] bool asks_for_reopening(std::uint64_t host_ns) const noexcept {
         return is_in_trouble() && std::int64_t(host_ns - trouble_ns_) > kPatience_ns;
     }
 
 private:
-    static constexpr double kLate_ns = 50e6;  // jitter of 20 ms, USB polls of 16 ms and some more are no lag
-    static constexpr std::int64_t kPatience_ns = 500'000'000;  // in which a backlog may come in
+    static constexpr double kLate_ns = 50e6;  // jitter of 20 ms and USB polls of 16 ms, with a margin, are no lag
+    static constexpr std::int64_t kPatience_ns = 500'000'000;  // time within which a backlog may arrive
     static constexpr double kMaxWait_ns = 5e9;
     static constexpr double kMinClosed_ns = 200e6, kMaxClosed_ns = 2e9, kMissingFrames = 4;
-    // A clock, or a counter, of a device that restarted has begun since the frame before it: it is this little ahead.
+    // After a restart, a device's clock or counter exceeds the silence since the frame before by at most this.
     static constexpr double kBegun_us = AgeBound::kBegun_ns * 1e-3, kBegunFrames = 3;
     static constexpr double kMaxGap = 100;        // numbers; a larger gap may be another device's
     static constexpr double kFastest_ns = 100e3;  // shortest interval of frames on a cable
@@ -85,27 +85,27 @@ private:
     static constexpr double kLeap = 8, kCountedLeap = 2;  // intervals from one frame to the next
 
     // ---- sequence: stream_age_sequence.hpp ----
-    static constexpr double kBooted_ns = 30e9;  // a number below this time is of a device that restarted, or is an old one
+    static constexpr double kBooted_ns = 30e9;  // a number below this time is from a restarted device, or is an old number
     static constexpr double kCountedFrom_ns = 1e15;
     static constexpr double kCaughtUp_ns = 25e6;
-    static constexpr double kMaxRateError = 0.04;  // of the rate measured at first: delays of 36 ms in 2 s, and more
+    static constexpr double kMaxRateError = 0.04;  // of the rate measured at first: delays of 36 ms in 2 s, with a margin
     static constexpr double kLearn_ns = 2e9;
     static constexpr unsigned kLearnFrames = 10;
-    static constexpr double kFaster = 0.5;  // largest part by which a device gets faster than its rate
-    // For a lag of this size, a device that got faster would be seen within the time that the lag took to be caught up.
+    static constexpr double kFaster = 0.5;  // largest relative increase of a device's rate
+    // For a lag of this size, a faster device would be detected within the time that it took to catch up the lag.
     static constexpr double kSettled_ns = 160e6;
-    static constexpr double kMinSettle_ns = 50e6;     // frames that were kept come faster one after the other
+    static constexpr double kMinSettle_ns = 50e6;     // buffered frames arrive at shorter intervals
     static constexpr double kFallen_ns = 60e6;        // more than jitter
-    static constexpr double kHiddenByRate_ns = 96e6;  // AgeBound::is_too_fast() and jitter allow a wrong rate to hide it
+    static constexpr double kHiddenByRate_ns = 96e6;  // lag that a wrong rate may hide, see AgeBound::is_too_fast()
     static constexpr double kShortCounter_ns = 60e9, kShortest_ns = 2e9;
 
     // The step from the frame before, by the device's clock and counter.
     struct ClockStep {
-        double silence_us = 0, booted_us = 0;  // host's time since the frame before; the clock, if it began at 0
+        double silence_us = 0, booted_us = 0;  // host's time since the frame before; the clock's time if it began at 0
         bool ended = false, went_back = false;
         bool counter_began = false, clock_began = false, may_have_begun = false;  // the device seems to have restarted
         bool leapt = false;
-        bool set_back = false, leapt_while_back = false;  // late_by_clock(); the latter: ahead, but still set back
+        bool set_back = false, leapt_while_back = false;  // set by late_by_clock(); the latter: ahead, but still set back
     };
 
     void begin_clock(double silence_ns) noexcept;
@@ -133,7 +133,7 @@ private:
     [[nodiscard]] double frames_since(const Frame& frame, double silence_ns) const noexcept;
     [[nodiscard]] double advance_of(const Frame& frame, double silence_ns) const noexcept;
     [[nodiscard]] double mean_ns() const noexcept;
-    // The interval of the frames, as far as it is known; 0: it is not.
+    // Interval of the frames; 0: unknown.
     [[nodiscard]] double interval_ns() const noexcept { return period_ns_ > 0 ? period_ns_ : mean_ns(); }
     [[nodiscard]] double late_while_learning(const Frame& frame, double advance, double silence_ns,
                                              std::uint64_t host_ns) noexcept;
@@ -142,20 +142,20 @@ private:
     [[nodiscard]] bool may_be_kept(const Frame& frame, double advance, std::uint64_t host_ns) noexcept;
     [[nodiscard]] bool seems_restarted(const Frame& frame, double late_ns) const noexcept;
     [[nodiscard]] bool is_network() const noexcept { return route_.path == Route::Path::network; }
-    // The path has discarded what it held when it was closed: the device's time, or its counter, has gone on meanwhile.
-    // `late_ns` of a path that keeps its frames has grown by the time for which it was closed.
+    // True if the path has discarded its frames when it was closed: the device's time or counter has advanced meanwhile. On
+    // a path that keeps its frames, `late_ns` has grown by the time for which the link was closed.
     [[nodiscard]] bool has_discarded(double late_ns) const noexcept {
         return is_reopened_ && route_.reopening_discards && late_ns < late_ns_ + kLate_ns;
     }
-    // The first frame after the opening has come later than ever before, by more than its device and jitter explain: the
-    // path may have held it, and nothing that the opening discarded shows its age.
+    // True if the first frame after the opening came later than ever before, by more than the device and jitter explain. The
+    // path may have held this frame, and its age is not shown by the frames that the opening discarded.
     [[nodiscard]] bool has_waited(std::uint64_t host_ns) const noexcept {
         const double interval = has_clock_ ? interval_us_ * 1e3 : interval_ns();
         return is_reopened_ && opened_ns_ != 0 && interval > 0 &&
                double(host_ns - opened_ns_) > wait_ns_ + std::max(3 * interval, kLate_ns);
     }
-    // Until 50 ms after an opening that seemed to prove the age. If the frames come faster than the device sends them, the
-    // path had kept them: the age is not proved. rt: wait-free
+    // True until 50 ms after an opening that seemed to prove the age. If the frames arrive faster than the device sends
+    // them, the path had kept them, and the age is not proved. rt: wait-free
     [[nodiscard]] bool is_on_trial(double advance, std::uint64_t host_ns) noexcept;
     void put_trouble(bool is_trouble, std::uint64_t host_ns) noexcept {
         trouble_ns_ = !is_trouble ? 0 : trouble_ns_ == 0 ? host_ns : trouble_ns_;
@@ -167,39 +167,39 @@ private:
     AgeBound bound_;
     bool has_clock_ = false, is_unproved_ = false, is_reopened_ = false, has_frame_ = false;
     std::uint64_t t_ns_ = 0, host_ns_ = 0;  // of the previous frame
-    double late_ns_ = 0;                    // its lateness by the path
+    double late_ns_ = 0;                    // lateness of the previous frame by the path
     std::uint64_t trouble_ns_ = 0;
-    std::uint64_t opened_ns_ = 0;   // host time; 0: not known, or a frame has come since
+    std::uint64_t opened_ns_ = 0;   // host time of the opening; 0: unknown, or a frame has arrived since
     std::uint64_t trial_ns_ = 0;    // host time of the first frame of an opening on trial; 0: none
-    double trial_frames_ = 0;       // since then
-    double trial_interval_ns_ = 0;  // known before it
+    double trial_frames_ = 0;       // frames since then
+    double trial_interval_ns_ = 0;  // interval known before the trial
     double wait_ns_ = kMaxWait_ns;  // shortest time from an opening to its first frame
 
     bool is_resonator_ = false;         // bound_ allows for a clock like that of a ceramic resonator
-    bool is_no_clock_ = false;          // and it was faster still: its unit is another one
-    std::uint64_t device_time_us_ = 0;  // the latest one
+    bool is_no_clock_ = false;          // the clock was faster still, so its unit is not the stated one
+    std::uint64_t device_time_us_ = 0;  // latest time of the device
     double interval_us_ = 0;            // mean interval of the device's times
     double hidden_ns_ = 0;              // longest lag that starts of the device and leaps of its clock may hide
 
     // The counter as a clock.
     std::uint32_t sequence_ = 0;
-    double run_ = 0;                     // numbers before sequence_ that have been, without a large gap
-    double back_ = 0;                    // this frame's number is one of them, so far back; 0: it is not
-    double behind_ = 0;                  // frames until the counter is beyond the numbers that have been
-    std::uint64_t behind_until_ns_ = 0;  // host time; and at the latest then
-    double period_ns_ = 0;               // 0: not known yet
-    double max_period_ns_ = 0;           // > 0: the device has got faster than this since
+    double run_ = 0;                     // length of the run of numbers up to sequence_ without a large gap
+    double back_ = 0;                    // distance of this frame's number back into that run; 0: not in the run
+    double behind_ = 0;                  // frames until the counter exceeds the numbers that were used
+    std::uint64_t behind_until_ns_ = 0;  // host time at which that state ends at the latest
+    double period_ns_ = 0;               // 0: unknown
+    double max_period_ns_ = 0;           // > 0: the device has become faster than this since
     double counted_ = 0;                 // frames since the first one
-    double learn_frames_ = 0;            // that period_ns_ is learnt from, and the host's time in which they came
+    double learn_frames_ = 0;            // frames and host's time from which period_ns_ is learned
     double learned_ns_ = 0, mean_before_ns_ = 0;
-    bool must_reopen_ = false;        // no number can prove the age until then
-    bool began_at_opening_ = false;   // the counter had begun again when the link was last opened
+    bool must_reopen_ = false;        // the counter cannot prove the age before the link is reopened
+    bool began_at_opening_ = false;   // the counter had restarted when the link was last opened
     double max_late_ns_ = 0;          // the largest lateness in this lag
-    std::uint64_t max_late_at_ = 0;   // when it was so late, by a tenth
+    std::uint64_t max_late_at_ = 0;   // time of the last lateness above 0.9 of it
     std::uint64_t settle_until_ = 0;  // 0: no lag has been caught up
     double settle_offset_ns_ = 0;     // offset of host and counter when it began to settle
-    std::uint64_t known_ns_ = 0;      // host time since which the rate is as it was learnt
-    std::uint64_t punctual_ns_ = 0;   // host time of the last frame that was proved
+    std::uint64_t known_ns_ = 0;      // host time since which the learned rate is valid
+    std::uint64_t punctual_ns_ = 0;   // host time of the last proved frame
 };
 
 inline void StreamAge::open(const Route& route, std::uint64_t opened_ns) noexcept {
@@ -233,20 +233,20 @@ inline bool StreamAge::is_on_trial(double advance, std::uint64_t host_ns) noexce
 
 inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns) noexcept {
     if (frame.taken_ns < frame.t_ns) frame.taken_ns = frame.t_ns;
-    // Two frames of one read have the same time, and each conversion to the host's clock has an error.
+    // Keeps the order: frames of one read have the same time, and each conversion to the host's clock has an error.
     if (has_frame_) host_ns = std::max(host_ns, host_ns_);
     if (route_.path == Route::Path::polled) {
         proof_ = Proof::polled;
-        // The thread was starved, or the answer took longer: the value may be that much older.
+        // The thread was not scheduled, or the answer took longer, so the value may be older by that time.
         if (frame.since_ns != 0) backdate(frame, double(frame.taken_ns) - double(frame.since_ns) - kLate_ns);
         return;
     }
-    // The last frame again, from a server that sends it to each client: it is not the first one of the new connection.
+    // A server that sends its last frame to each new client repeats it: this is not the connection's first frame.
     if (is_reopened_ && is_network() && frame.has_sequence && frame.sequence == sequence_) {
         frame.age = Frame::Age::unproved;
         return;
     }
-    if (has_clock_ && frame.device_time_us == 0) {  // without its time for once
+    if (has_clock_ && frame.device_time_us == 0) {  // this frame lacks the device's time
         frame.age = Frame::Age::unproved;
         return;
     }
@@ -279,7 +279,7 @@ inline void StreamAge::backdate(Frame& frame, double late_ns) noexcept {
 
 }  // namespace tactiled
 
-// One file for each proof.
+// Each proof has its own file.
 #include "drivers/wire/stream_age_arrival.hpp"
 #include "drivers/wire/stream_age_clock.hpp"
 #include "drivers/wire/stream_age_sequence.hpp"

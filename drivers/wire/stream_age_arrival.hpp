@@ -1,12 +1,12 @@
-// Part of stream_age.hpp. The proofs that look at no number of the device: a cable, whose buffers bound the delay, and the
-// times of arrival alone. A request needs no look at its frames: StreamAge::judge().
+// Part of stream_age.hpp: the proofs that use no number of the device. A cable has buffers that bound the delay; otherwise
+// only the times of arrival are known. Requests are handled in StreamAge::judge().
 #pragma once
 #include "drivers/wire/stream_age.hpp"
 
 namespace tactiled {
 
-// The bytes of a frame that waited for a stopped process may all have come right after it was stopped. A device whose
-// program has died may send its last frames again and again.
+// The bytes of a frame that waited while the process was stopped may all have arrived directly after the stop. A device
+// whose program has failed may repeat its last frames.
 inline void StreamAge::by_cable(Frame& frame, std::uint64_t host_ns) noexcept {
     proof_ = Proof::direct;
     if (may_come_again(host_ns)) frame.age = Frame::Age::unproved;

@@ -1,52 +1,52 @@
-// Part of stream_age.hpp. The proof by the device's clock: has it begun again, was it set, is it a clock at all, and has the
-// path discarded a lag?
+// Part of stream_age.hpp: the proof by the device's clock. Detects restarts, a clock that was set or has a wrong unit, and a
+// lag that the path has discarded.
 #pragma once
 #include "drivers/wire/stream_age.hpp"
 
 namespace tactiled {
 
 inline void StreamAge::begin_clock(double silence_ns) noexcept {
-    // On a cable a lag cannot be large: the clock is a second look, and may be a ceramic resonator's.
+    // The delay of a cable is bounded, so the clock is only a second check there, and it may be a ceramic resonator.
     const bool cable = route_.path == Route::Path::direct;
     const double ppm = cable ? std::max(route_.clock_ppm, kResonator_ppm) : route_.clock_ppm;
     bound_ = AgeBound({.max_drift = ppm * 1e-6, .wander = cable ? 500e-6 : ppm * 0.2e-6, .wrap_ns = kWrap_ns});
     has_clock_ = true;
     is_resonator_ = cable;
-    // A lag that its counter showed may be there still, and one may begin now.
+    // A lag that the counter showed may persist, and a lag may have begun in this silence.
     const bool was_silent = interval_ns() > 0 && silence_ns > kLate_ns + interval_ns();
     is_unproved_ = is_network() && has_frame_ && (is_unproved_ || was_silent);
 }
 
-// Compares the clock and the counter of a frame with those of the frame before. Inlined: 20 of 430 instructions fewer
+// Compares the clock and the counter of a frame with those of the frame before. Inlining saves 20 of 430 instructions
 // (09f02815).
 [[gnu::always_inline]] inline StreamAge::ClockStep StreamAge::clock_step(const Frame& frame,
                                                                          std::uint64_t host_ns) const noexcept {
     ClockStep step;
     step.silence_us = double(host_ns - host_ns_) * 1e-3;
-    // Decoders take a clock that begins again in the second half of its 32 bits for one that has passed its end.
+    // Decoders interpret a clock that restarts in the second half of its 32 bits as a wrap.
     const std::uint64_t booted_us = frame.device_time_us & 0xFFFFFFFF;
     step.booted_us = double(booted_us);
-    const auto ahead_us = double(frame.device_time_us - device_time_us_);  // if it has not gone back
+    const auto ahead_us = double(frame.device_time_us - device_time_us_);  // valid if it has not gone back
     step.went_back = frame.device_time_us < device_time_us_ ||
                      (frame.device_time_us >> 32 != device_time_us_ >> 32 && ahead_us > step.silence_us + 1e6);
     const bool is_silent = interval_us_ > 0 && step.silence_us > kLate_ns * 1e-3 + interval_us_;
     const bool is_small = has_frame_ && step.booted_us < kBegun_us + step.silence_us;
-    // The clock of a device that restarted is small, too: else a short counter shows an old frame, or that a path has
+    // The clock of a restarted device is small, too. Otherwise a short counter shows an old frame, or that the path has
     // discarded more frames than the counter's range.
     step.counter_began = is_small && frame.has_sequence && frames_since(frame, double(host_ns - host_ns_)) == 0;
     step.ended = AgeBound::is_early_wrap(device_time_us_ * 1000, frame.device_time_us * 1000) && !step.counter_began;
-    // A device whose counter goes on has not restarted: its clock has passed its end, or was set back.
+    // A device whose counter continues has not restarted; its clock has wrapped or was set back.
     const bool counter_leapt = double(frame.lost) * interval_us_ >= step.silence_us + 1e6;
     const bool counts_on = frame.has_sequence && !is_reopened_ && !step.counter_began && !counter_leapt;
     const bool is_other = is_small && !counts_on && booted_us < (device_time_us_ & 0xFFFFFFFF);
     step.clock_began =
         is_other && !step.ended && step.went_back && booted_us < device_time_us_ / 2 && step.silence_us > kLate_ns * 1e-3;
-    // The device has restarted, or its clock has passed its end in a pause.
+    // The device has restarted, or its clock has wrapped during a pause.
     step.may_have_begun = is_other && is_silent;
-    // Either the clock was set on, or the device had paused while the path held its frames; or it is another device. A
-    // cable holds none.
+    // The clock was set forward, or the device had paused while the path held its frames, or the frame is from another
+    // device. A cable holds no frames.
     const bool may_lag = late_ns_ > kLate_ns || is_silent || (frame.has_sequence && counter_leapt);
-    // A lag that ends makes it leap, too, with numbers that are missing.
+    // The end of a lag makes the clock leap, too, with missing numbers.
     const double explained_us =
         late_ns_ > kLate_ns ? interval_us_ * (frame.has_sequence ? kCountedLeap + 1.25 * frame.lost : kLeap) : 0;
     const double drift = is_resonator_ ? kResonator_ppm : route_.clock_ppm;
@@ -80,28 +80,28 @@ inline double StreamAge::late_by_clock(const Frame& frame, std::uint64_t host_ns
     return late;
 }
 
-// The device has restarted, and its clock with it: the reference is another one.
+// Returns true if the device and its clock have restarted, so that the reference is invalid.
 inline bool StreamAge::has_restarted(const ClockStep& step, double late) const noexcept {
-    // After a new opening the clock may as well have passed the end of its 32 bits: then it fits the reference.
+    // After a reopening the clock may have wrapped instead; then it fits the reference.
     const bool fits = is_reopened_ && late < kFits_ns;
     const bool began = step.counter_began || (step.clock_began && !fits && !bound_.has_wrapped());
     return began && (late > kLate_ns || (step.counter_began && step.went_back) || bound_.has_fallen() || step.set_back);
 }
 
-// A lag may have begun that the clock does not show: with a start of the device, or several, or when the clock was set on.
+// Returns true if a lag may have begun that the clock does not show: at a restart, or when the clock was set forward.
 inline bool StreamAge::may_hide_lag(const ClockStep& step, double late, bool restarted) noexcept {
-    const double lag_ns = std::max(step.silence_us - interval_us_, 0.0) * 1e3;  // at most
+    const double lag_ns = std::max(step.silence_us - interval_us_, 0.0) * 1e3;  // maximum lag
     const bool discards = route_.reopening_discards;
-    // An opening has either discarded the lags before it, or it proves nothing.
+    // A reopening has either discarded the earlier lags or proves nothing.
     const double hidden_ns = std::exchange(hidden_ns_, is_reopened_ ? 0 : hidden_ns_);
     if (restarted) {
         hidden_ns_ += lag_ns;
         return hidden_ns_ > kLate_ns && discards;
     }
     const double fell_ns = bound_.fell_ns();
-    // A clock that fits the reference has passed its end in a pause.
+    // A clock that fits the reference has wrapped during a pause.
     const bool may_have_restarted = step.may_have_begun && (late > kLate_ns || fell_ns > kLate_ns);
-    // A path that has discarded a lag makes the frames as late as they were before it, and not earlier.
+    // After the path has discarded a lag, the frames are as late as before the lag, and not earlier.
     const bool was_set_on = is_reopened_ ? (late_ns_ > kLate_ns && !is_unproved_ && bound_.has_fallen()) ||
                                                (discards && fell_ns > kLate_ns + hidden_ns) || step.leapt_while_back
                                          : step.leapt || (late_ns_ > kLate_ns && fell_ns > kLate_ns);
@@ -117,7 +117,7 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     double late = late_by_clock(frame, host_ns, step);
     const bool restarted = has_restarted(step, late);
     const bool hides_lag = is_network() && may_hide_lag(step, late, restarted);
-    if (restarted) {  // a lag that there was may still be there
+    if (restarted) {  // an existing lag may persist
         is_unproved_ = is_unproved_ || (late_ns_ > kLate_ns && is_network());
         bound_.restart();
         late = 0;
@@ -133,7 +133,7 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     if (has_discarded(late) && !hides_lag && !is_no_clock_ && !has_waited(host_ns) && !bound_.has_gone_back()) {
         is_unproved_ = false;
         bound_.end_fall();
-        if (too_fast) {  // this frame is on time: the drift is learned anew, as that of a resonator
+        if (too_fast) {  // this frame is on time: the drift is learned again, with the limits of a resonator
             bound_ =
                 AgeBound({.max_drift = kResonator_ppm * 1e-6, .wander = route_.clock_ppm * 0.2e-6, .wrap_ns = kWrap_ns});
             late = bound_.late_ns(host_ns, frame.device_time_us * 1000);
@@ -142,9 +142,9 @@ inline void StreamAge::by_clock(Frame& frame, std::uint64_t host_ns) noexcept {
     }
     const double waited_ns =
         frame.since_ns != 0 && frame.since_ns < frame.taken_ns ? double(frame.taken_ns - frame.since_ns) : 0;
-    late_ns_ = std::max(late - waited_ns, 0.0);  // by the path
+    late_ns_ = std::max(late - waited_ns, 0.0);  // lateness by the path
     backdate(frame, late);
-    // On a cable the clock is a second look, and one that is too fast sees nothing.
+    // On a cable the clock is a second check, and a clock that is too fast detects nothing.
     if (route_.path == Route::Path::direct && (bound_.is_too_fast() || is_no_clock_)) return by_cable(frame, host_ns);
     if (is_unproved_ || (bound_.is_falling() && is_network())) frame.age = Frame::Age::unproved;
     if (!is_unproved_) punctual_ns_ = host_ns;

@@ -4,25 +4,25 @@
 
 namespace tactiled {
 
-// Frames that the device may have measured in a silence; 0: its interval is not known. A cable does not need to know it.
+// Number of frames that the device may have measured in a silence (for a cable: at most); 0: its interval is unknown.
 inline double StreamAge::frames_in(double silence_ns) const noexcept {
     const double interval = route_.path == Route::Path::direct ? kFastest_ns : interval_ns();
     return interval > 0 ? silence_ns / interval : 0;
 }
 
-// The device has restarted since the frame before: its counter has begun again.
+// Returns true if the counter has restarted with the device since the frame before.
 inline bool StreamAge::has_begun(const Frame& frame, double silence_ns) const noexcept {
     return frame.sequence < kBegunFrames + frames_in(silence_ns);
 }
 
-// Follows the run of numbers without a large gap, of which each has been. Only such numbers can come again, and until the
-// counter is beyond them, the path may send old frames also after it was opened again.
+// Follows the run of used numbers without a large gap. Only these numbers can be sent again, and until the counter exceeds
+// them, the path may send old frames even after a reopening.
 inline void StreamAge::follow_run(const Frame& frame, std::uint64_t host_ns) noexcept {
     const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;
     const std::uint32_t steps = (frame.sequence - sequence_) & mask, back = (sequence_ - frame.sequence) & mask;
     back_ = has_frame_ && frame.lost == 0 && back <= mask / 2 && back <= run_ ? back : 0;
     const double silence_ns = double(host_ns - host_ns_);
-    // While the link was closed the device has counted on.
+    // The device continued to count while the link was closed.
     if (steps <= kMaxGap || (is_reopened_ && steps <= 2 * frames_in(silence_ns)))
         run_ += steps;
     else if (back_ <= 0)
@@ -37,9 +37,9 @@ inline void StreamAge::follow_run(const Frame& frame, std::uint64_t host_ns) noe
     }
 }
 
-// Frames that the device has counted since the one before; 0: it has restarted. The device's rate tells how often the
-// counter has passed its end meanwhile. A counter that the decoder takes for one that has restarted, and that has not just
-// begun, has passed its end, too.
+// Returns the number of frames that the device has counted since the frame before; 0: it has restarted. The number of wraps
+// follows from the device's rate. If the decoder reports a restart, but the counter has not just begun, the counter has
+// wrapped.
 inline double StreamAge::frames_since(const Frame& frame, double silence_ns) const noexcept {
     const double range = std::ldexp(1.0, frame.sequence_bits);
     const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;
@@ -55,8 +55,8 @@ inline double StreamAge::frames_since(const Frame& frame, double silence_ns) con
     return wraps >= 0 ? steps + wraps * range : 0;
 }
 
-// A restart that looks as if frames were lost: more of them than the time allows, or a small number of a counter whose range
-// is shorter than a lag may be. `late_ns` is what the number makes of the frame's lateness.
+// Returns true for a restart that looks like lost frames: more of them than the time allows, or a small number of a counter
+// whose range is shorter than a possible lag. `late_ns` is the lateness by the number.
 inline bool StreamAge::seems_restarted(const Frame& frame, double late_ns) const noexcept {
     if (frame.lost == 0 || is_reopened_) return false;
     const double range = std::ldexp(1.0, frame.sequence_bits);
@@ -65,7 +65,7 @@ inline bool StreamAge::seems_restarted(const Frame& frame, double late_ns) const
     return late_ns < -2 * kLate_ns || (is_short && late_ns_ + double(frame.lost) * period_ns_ > kLate_ns);
 }
 
-// The mean interval since the last opening, without silences; else that of the time before, else the declared one.
+// Mean interval since the last opening, without silences; without one, that of the time before, or the declared interval.
 inline double StreamAge::mean_ns() const noexcept {
     const double mean_ns = learn_frames_ > 0     ? learned_ns_ / learn_frames_
                            : mean_before_ns_ > 0 ? mean_before_ns_
@@ -93,8 +93,8 @@ inline void StreamAge::begin_to_count() noexcept {
     counted_ = kCountedFrom_ns / period_ns_;
 }
 
-// A lag has been caught up if the frames come no longer faster than the device's rate: else the device has got faster, and
-// the lag is still there.
+// Returns true if a lag has been caught up: the frames no longer arrive faster than the device's rate. Otherwise the device
+// has become faster, and the lag persists.
 inline bool StreamAge::has_settled(double late, std::uint64_t host_ns) noexcept {
     if (late > 0.9 * max_late_ns_) {
         max_late_ns_ = std::max(max_late_ns_, late);
@@ -104,12 +104,12 @@ inline bool StreamAge::has_settled(double late, std::uint64_t host_ns) noexcept 
         if (late > kLate_ns) settle_until_ = 0;
         return settle_until_ != 0 && host_ns > settle_until_;
     }
-    // While the offset falls, there is still something to catch up.
+    // A falling offset shows that the lag is still being caught up.
     if (settle_until_ == 0 || bound_.offset_ns() < settle_offset_ns_ - kFallen_ns) {
         const auto took_ns = double(host_ns - max_late_at_), lasted_ns = double(host_ns - punctual_ns_);
         double settle_ns = kMinSettle_ns;
         if (took_ns > max_late_ns_ / kFaster) settle_ns = std::max(settle_ns, took_ns / max_late_ns_ * kSettled_ns);
-        // An error of the rate hides a part of the lag, and is seen in the end in twice the time that the lag lasted.
+        // An error of the rate hides a part of the lag, and is detected within twice the duration of the lag.
         const double error = std::max(bound_.uncertainty(), kHiddenByRate_ns / double(punctual_ns_ - known_ns_ + 1));
         if (std::min(error, kMaxRateError) * lasted_ns > kLate_ns) settle_ns = std::max(settle_ns, 2 * lasted_ns);
         settle_until_ = host_ns + std::uint64_t(settle_ns);
@@ -118,26 +118,26 @@ inline bool StreamAge::has_settled(double late, std::uint64_t host_ns) noexcept 
     return host_ns >= settle_until_;
 }
 
-// The same, also where the counter has begun again or leapt without a silence: it has passed an end that the format does not
-// state, such as 99, or was damaged. The lag that there was is there still. Negative: old frames come again.
+// As frames_since(), also for a counter that restarts or leaps without a silence: it has wrapped at a value that the format
+// does not state, such as 99, or was damaged. An existing lag then persists. Negative: old frames are sent again.
 inline double StreamAge::advance_of(const Frame& frame, double silence_ns) const noexcept {
     if (!has_frame_) return 0;
     const double advance = frames_since(frame, silence_ns);
     if (advance == 1) return advance;
-    const bool is_long = range_ns(frame) > kShortest_ns || interval_ns() <= 0;  // else old numbers say nothing
+    const bool is_long = range_ns(frame) > kShortest_ns || interval_ns() <= 0;  // otherwise old numbers prove nothing
     if (advance == 0 && back_ > 0 && is_long && !has_begun(frame, silence_ns)) return -back_;
     if (is_reopened_ || silence_ns > kLate_ns + period_ns_) return advance;
     const double passed = period_ns_ > 0 ? silence_ns / period_ns_ : frame.sequence + 1.0;
     if (advance == 0) return std::min(frame.sequence + 1.0, std::ceil(passed + kLate_ns / std::max(period_ns_, 1.0)));
     const bool leapt = period_ns_ > 0 && late_ns_ + silence_ns - advance * period_ns_ < -2 * kLate_ns;
     if (!leapt) return advance;
-    // A short counter has gone back by the rest of its range, if that is not shorter than what a path keeps.
+    // A short counter has gone back by the rest of its range, unless the range is shorter than a path keeps frames.
     return range_ns(frame) < kShortCounter_ns && range_ns(frame) > kShortest_ns
                ? advance - std::ldexp(1.0, frame.sequence_bits)
                : std::max(1.0, std::nearbyint(passed));
 }
 
-// Lateness while the rate is not known yet: a silence alone shows a lag. Returns 0 where nothing is known.
+// Lateness while the rate is unknown: only a silence shows a lag. Returns 0 if nothing is known.
 inline double StreamAge::late_while_learning(const Frame& frame, double advance, double silence_ns,
                                              std::uint64_t host_ns) noexcept {
     const double mean = mean_ns();
@@ -145,7 +145,7 @@ inline double StreamAge::late_while_learning(const Frame& frame, double advance,
         is_unproved_ = must_reopen_ = true;
         return 0;
     }
-    // A lag of more than stale_ms may fit into three intervals of a slow device: such a silence counts, too.
+    // Three intervals of a slow device may hide a lag of more than stale_ms, so such a silence counts, too.
     const double frames = std::max(advance, 1.0);
     const bool is_silence = silence_ns > frames * std::max(3 * mean, kLate_ns) ||
                             (mean > 0 && silence_ns - frames * mean > std::max(stale_ns_, kLate_ns));
@@ -156,20 +156,20 @@ inline double StreamAge::late_while_learning(const Frame& frame, double advance,
     if (is_reopened_) {
         const bool counts_each_connection = route_.reopening_discards && advance == 0 && opened_ns_ != 0 &&
                                             frame.sequence * mean < double(host_ns - opened_ns_) + kLate_ns;
-        // The frames of the time for which the link was closed must be missing.
+        // The frames of the time in which the link was closed must be missing.
         const double error_ns = route_.reopening_discards ? std::min(silence_ns / 8, 2 * kLate_ns) : silence_ns / 8;
         const bool is_kept = !counts_each_connection && silence_ns - advance * mean > kLate_ns + error_ns;
         is_unproved_ = is_unproved_ || is_kept;
         return is_kept ? silence_ns + kLate_ns : 0;
     }
     is_unproved_ = is_unproved_ || is_silence;
-    // A silence is no interval, unless none is known yet.
+    // A silence is not used as an interval, unless no interval is known yet.
     if (advance == 0 || (is_silence && mean > 0) || must_reopen_) return 0;
     learn_frames_ += advance;
     learned_ns_ += silence_ns;
-    // After it got faster, the device was never as slow as it seems now.
+    // The device was never slower than max_period_ns_ after it became faster, so a longer interval is a growing lag.
     if (max_period_ns_ > 0 && learned_ns_ - learn_frames_ * max_period_ns_ > kLate_ns) is_unproved_ = true;
-    if (!is_unproved_) learn_rate(host_ns);  // a rate over a silence, or a backlog, is not the device's
+    if (!is_unproved_) learn_rate(host_ns);  // a rate measured during a silence or a backlog is not the device's
     return 0;
 }
 
@@ -179,16 +179,16 @@ inline double StreamAge::late_by_counter(const Frame& frame, double advance, dou
     counted_ = std::max(counted_, 0.0);
     const unsigned set_back_before = bound_.set_back();
     const double late = bound_.late_ns(host_ns, std::uint64_t(counted_ * period_ns_));
-    must_reopen_ = must_reopen_ || bound_.set_back() != set_back_before;  // a lag may have begun meanwhile
+    must_reopen_ = must_reopen_ || bound_.set_back() != set_back_before;  // a lag may have begun in between
     if (advance != 0 && !seems_restarted(frame, late_ns_ + silence_ns - advance * period_ns_)) return late;
-    // The device has restarted. A lag that there was is there still, and one may have begun in the silence.
+    // The device has restarted. An existing lag persists, and a lag may have begun in the silence.
     must_reopen_ = must_reopen_ || is_unproved_ || silence_ns > kLate_ns + period_ns_;
     if (!is_unproved_) bound_.restart();
     return 0;
 }
 
-// The first frame of an opening whose path may have kept what it held: the device has restarted, or counts each connection
-// from 0; or the counter is further than the time since the last frame that was proved. The next opening shows it.
+// Returns true if the path may have kept its frames at a reopening: the device has restarted or counts each connection from
+// 0, or the counter has advanced by more than the time since the last proved frame. The next opening decides.
 inline bool StreamAge::may_be_kept(const Frame& frame, double advance, std::uint64_t host_ns) noexcept {
     if (!is_reopened_ || !route_.reopening_discards) return false;
     const double interval = interval_ns();
@@ -205,9 +205,9 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
     const double advance = advance_of(frame, silence_ns);
     if (silence_ns > kLate_ns) {
         const double range = range_ns(frame), interval = interval_ns();
-        // The counter may have passed its end any number of times, and does not show how long the path held this frame.
+        // The counter may have wrapped any number of times, so it does not show how long the path held this frame.
         if (has_waited(host_ns) && silence_ns > range / 2) must_reopen_ = true;
-        // A lag of its range looks as if there was none.
+        // A lag of the counter's range cannot be distinguished from no lag.
         if (!is_reopened_ && interval > 0 && silence_ns > std::max(range - kLate_ns, kLate_ns + interval))
             must_reopen_ = true;
     }
@@ -224,7 +224,7 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         settle_until_ = 0;
     }
     if (late_is_known && is_unproved_ && !must_reopen_) is_unproved_ = !has_settled(late, host_ns);
-    if (late_is_known && bound_.is_too_fast()) {  // the counter is no clock any more: its rate must be measured anew
+    if (late_is_known && bound_.is_too_fast()) {  // the counter is unusable as a clock; its rate must be measured again
         is_unproved_ = true;
         late_is_known = false;
         late = is_reopened_ ? silence_ns + kLate_ns : 0;
@@ -232,8 +232,8 @@ inline void StreamAge::by_sequence(Frame& frame, std::uint64_t host_ns) noexcept
         period_ns_ = 0;
         learn_frames_ = learned_ns_ = mean_before_ns_ = 0;
     }
-    // The device had paused: its counter is behind as before, and the path held nothing that opening it again discarded. A
-    // lag of which a part was discarded is judged by the rest of it.
+    // The device had paused if the counter is as far behind as before and the reopening discarded no held frames. If a part
+    // of a lag was discarded, the rest of the lag decides.
     const bool had_paused = !late_is_known || late > late_ns_ - kLate_ns;
     if (is_unproved_ && had_paused && has_discarded(late) && !is_kept && !has_waited(host_ns) && !bound_.has_gone_back() &&
         !may_come_again(host_ns)) {

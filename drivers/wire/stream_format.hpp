@@ -45,7 +45,7 @@ struct StreamFormat {
     std::unique_ptr<StreamDecoder> (*make)(Options& options, LinkCounts& counts);
     // The bytes that a device sends for `frame`. nullptr: `tactilectl play` does not offer this format. setup
     std::vector<std::uint8_t> (*encode)(const Frame& frame, const StreamSettings& settings) = nullptr;
-    // The keys under which `bytes`, received within `seconds`, are frames; nothing where they are none of this format.
+    // Returns the keys with which `bytes`, received within `seconds`, are frames; nullopt if they are not of this format.
     // nullptr: `identify` does not look for this format. setup
     std::optional<StreamGuess> (*recognise)(std::span<const std::uint8_t> bytes, double seconds) = nullptr;
     Registry<StreamFormat> in_list{this};

@@ -52,7 +52,7 @@ public:
             for (std::size_t n = 0; n < block.n; ++n) pass_between(block, n);
         } else {
             const std::size_t channels = sensor_.n();
-            for (std::size_t n = 0; n < block.n; ++n)  // channels in the inner loop, so that none waits for another
+            for (std::size_t n = 0; n < block.n; ++n)  // channels in the inner loop, because they are independent
                 for (std::size_t k = 0; k < channels; ++k) {
                     double& value = block.channel[k][n];
                     const double rise = value - last_[k];
@@ -110,9 +110,9 @@ private:
     bool started_ = false;
 };
 
-// The share (1 + w t) exp(-w t) of the impulse response w^2 t exp(-w t) is older than t. The input between two
-// samples is between their values. Intermediate instants may be as far apart again, both in the motion and in the
-// rest, and an error before this effect then affects both.
+// The share (1 + w t) exp(-w t) of the impulse response w^2 t exp(-w t) is older than t. The input between two samples is
+// between their values. With intermediate instants, both the motion and the interpolated rest may add the same difference
+// again, and an error before this effect enters all three.
 Bound bound(const Setting& s) {
     const double w = 6.283185307179586 * corner_Hz(s);
     const auto older = [&](double age_s) {

@@ -46,9 +46,9 @@ inline double others_N(const Setting& s, std::initializer_list<std::string_view>
     return sum;
 }
 
-// Returns the largest change of the influence of temperature on a reading within so many seconds, N. The heat of a
-// body comes through the skin within a time constant, or within the scene if that is shorter; the charge of a warm
-// film leaks at any rate.
+// Returns the largest change of the influence of temperature on a reading within that time, N. The heat of a body comes
+// through the skin within a time constant, or within the scene if that is shorter; the charge of a warm film may leak at any
+// rate.
 inline double warming_N(const Setting& s, double seconds) {
     const double length_s = std::max(double(s.samples) / s.rate_Hz, 1e-9);
     const double through_1_s = 1 / length_s + 1 / diffusion_s(s.sensor), film_1_s = 2 * through_1_s + 20;
@@ -74,7 +74,7 @@ double lag_N(const Setting& s, double horizon_s, Older older) {
     return sum + share * s.before.change_N(s, s.extent.length_s + horizon_s) + kLastBits_N;
 }
 
-// Returns the largest change of a sample that is taken so many seconds off.
+// Returns the largest change of a sample with that error of its time.
 inline double shift_N(const Setting& s, double seconds) {
     std::array<double, kAxes> change = s.extent.changes(seconds);
     if (s.body.texture_height_m > 0 && s.extent.speed_m_s > 0) {  // the ridge is at another phase
@@ -87,7 +87,7 @@ inline double shift_N(const Setting& s, double seconds) {
         other_N += 2 * others_N(s, {"load_moment", "contact_patch", "hertz_contact", "tilt", "partial_slip"});
     if (s.extent.speed_m_s > 0) {
         other_N += 2 * others_N(s, {"stick_slip"});
-        // The body may slide at one time and stand still at the other: another friction, with or without ridges.
+        // The body may slide at one time and stand still at the other, so that friction and ridges differ.
         other_N += others_N(s, {"friction_limit", "texture"});
     }
     if (s.extent.acceleration_m_s2 > 0) other_N += 2 * others_N(s, {"cap_weight"});

@@ -54,7 +54,8 @@ Bound bound(const Setting& s) {
         }
     }
     const double change_N = s.sensor.largest_N(change);
-    return {.change_N = change_N, .gain = 1 + s.sensor.largest_N(of_error), .own_N = change_N};  // the place moves, too
+    return {.change_N = change_N, .gain = 1 + s.sensor.largest_N(of_error), .own_N = change_N};  // an error of the input
+                                                                                                 // moves the patch
 }
 
 }  // namespace

@@ -12,7 +12,7 @@ namespace {
 double resonance_Hz(const Setting& s) {
     if (!std::isnan(s.p[0])) return s.p[0];
     if (s.sensor.model == Model::capacitive) return 1100;
-    // A quarter of a wave in the cap.
+    // First resonance: a quarter of a wavelength in the cap.
     return std::sqrt(s.sensor.hair.young_Pa / 1000) / (4 * s.sensor.hair.height_m);
 }
 

@@ -57,7 +57,7 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.largest_N(change), .gain = 1 + s.sensor.largest_N(of_error)};
 }
 
-// The same as a cubic of the shear, one for each electrode.
+// The same change as a cubic polynomial of the shear, one per electrode.
 class CubicOverlap final : public Effect {
 public:
     CubicOverlap(const Setting& s, const std::array<Cubic, Pad::kMax>& more_pF) : pad_(s.sensor), more_pF_(more_pF) {}

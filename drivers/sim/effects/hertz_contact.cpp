@@ -49,7 +49,7 @@ Bound bound(const Setting& s) {
             change[k] += std::abs(factor[axis]) * (max - min) * s.extent.max[axis];
         }
     const double change_N = s.sensor.largest_N(change);
-    // another press gives another radius, and no two results differ by more
+    // an error of the press changes the radius, and the results of two radii differ by at most this
     return {.change_N = change_N, .jump_N = change_N};
 }
 

@@ -12,7 +12,6 @@ namespace {
 class Link {
 public:
     explicit Link(const Setting& s) : random_(s.random), begins_(s.p[0]), ends_(s.p[1]), max_(std::uint32_t(s.p[2])) {}
-    // Returns true if this frame arrives.
     bool arrives(std::uint64_t frame) noexcept {
         const double u = random_.uniform(frame);
         if (burst_ == 0 ? u < begins_ : u >= ends_ && burst_ < max_)
@@ -29,7 +28,7 @@ private:
     std::uint32_t max_, burst_ = 0;
 };
 
-// A sensor that delivers only each n-th sample has a frame there.
+// A sensor that delivers each n-th sample has a frame only at these samples.
 class LostFrames final : public Effect {
 public:
     explicit LostFrames(const Setting& s) : every_(std::max<std::size_t>(s.sensor.every, 1)), link_(s) {}

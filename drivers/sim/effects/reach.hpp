@@ -27,8 +27,8 @@ inline double half_size_m(const Sensor& sensor) {
     return std::sqrt(sensor.hair.area_m2 / std::numbers::pi);
 }
 
-// The load of one axis that corresponds to an error of 1 N in the channels (Sensor::channel_N), N/N: an effect that
-// uses the load itself must expect such an error of its input.
+// The load of one axis that corresponds to an error of 1 N in the channels (Sensor::channel_N), N/N: the bound of an effect
+// that uses the load must include this error.
 inline double load_of_error(const Sensor& sensor, Axis axis) {
     double min = std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < sensor.n(); ++k)

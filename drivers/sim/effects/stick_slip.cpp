@@ -55,7 +55,7 @@ Bound bound(const Setting& s) {
             change[axis] = std::min(change[axis], s.extent.max[axis] * drop / s.body.kinetic_friction);
     }
     const double change_N = s.sensor.channel_N(change);
-    // Another press gives another phase.
+    // An error of the press changes the phase of the sawtooth.
     return {.change_N = change_N, .jump_N = 2 * change_N, .own_N = change_N, .load = change};
 }
 

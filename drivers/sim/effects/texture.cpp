@@ -46,7 +46,7 @@ private:
     double amplitude_N_, kinetic_, ridges_m_;
 };
 
-// An error before it changes min(A, press) and min(mu A, shear) by at most itself.
+// An error of the input changes min(A, press) and min(mu A, shear) by at most the same amount.
 Bound bound(const Setting& s) {
     const double amplitude = std::min(amplitude_N(s), s.extent.max[kFz]);
     if (amplitude <= 0 || s.extent.speed_m_s <= 0) return {};
