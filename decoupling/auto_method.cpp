@@ -10,10 +10,10 @@
 namespace tactiled {
 namespace {
 
-// 48 samples of each of five methods with their pauses: 40 ms where a pause ends 60 us late.
+// 48 samples of each of five methods take 40 ms with their pauses, if a pause ends 60 us late.
 constexpr int kSamples = 48, kWarmUp = 4;
 constexpr std::chrono::microseconds kPause{100};
-// A step down that saves less than this is not worth its loss of accuracy.
+// A cheaper method that saves less than this does not justify its loss of accuracy.
 constexpr double kWorth = MethodChoice::kRoom;
 
 std::vector<double> costs_of(const std::vector<FrontMethod>& methods) {
@@ -83,7 +83,7 @@ bool take_known(std::vector<FrontMethod>& methods, const std::vector<MethodCost>
     return true;
 }
 
-// Returns the most accurate method first, and then each method that costs sufficiently less than the one before it.
+// Returns the most accurate method, and then each method that is sufficiently cheaper than the one before.
 std::vector<FrontMethod> front_of(std::vector<FrontMethod> methods) {
     const bool any_known =
         std::any_of(methods.begin(), methods.end(), [](const FrontMethod& each) { return std::isfinite(each.inaccuracy); });
@@ -117,7 +117,7 @@ std::unique_ptr<AutoMethod> make_auto_method(const Calibration& calibration, dou
         measure(methods, calibration);
         costs.clear();
         for (const auto& each : methods) costs.push_back(each.cost);
-        methods = fitted_methods(calibration, fault);  // rebuilt: the measurement has given these a false past
+        methods = fitted_methods(calibration, fault);  // rebuilt, because the measurement has changed the state of these
         (void)take_known(methods, costs);
     }
     return std::make_unique<AutoMethod>(front_of(std::move(methods)), budget_us);

@@ -1,9 +1,9 @@
 // Method "auto": several prepared methods, of which one runs. MethodChoice selects it from the times that the caller
 // reports; nothing here reads a clock in the loop.
 //
-// A method does not see the readings while another one runs, and forgets the past when it runs again. Then "map"
-// searches anew, and methods whose values need a past ("nonlinear" with hysteresis, "fused") report
-// unknown-uncertainty until they have one.
+// A method gets no readings while another method runs, and is reset when it runs again. Then "map" searches again, and
+// methods whose values need a past ("nonlinear" with hysteresis, "fused") report unknown-uncertainty until they have enough
+// readings.
 #pragma once
 #include <memory>
 #include <string>
@@ -39,13 +39,13 @@ public:
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept override {
         return front_[choice_.now()].decoupler->decouple(reading);
     }
-    // Uses method `index` of the front, which does not run now, without a past. rt: as that method
+    // Runs method `index` of the front, which is not the present method, from its initial state. rt: as that method
     [[nodiscard]] Estimate decouple_anew(std::size_t index, const Reading& reading) noexcept {
         front_[index].decoupler->forget();
         return front_[index].decoupler->decouple(reading);
     }
-    // Reports that the last decouple(), of a reading at `t_ns`, took `ns`. The next one may use another method. rt:
-    // wait-free
+    // Reports that the last decouple(), of a reading at `t_ns`, took `ns`. The next one may use another method.
+    // rt: wait-free
     void took(std::uint64_t ns, std::uint64_t t_ns) noexcept;
     void set_temperature(const TemperatureInUse& in_use) noexcept override {
         for (FrontMethod& each : front_) each.decoupler->set_temperature(in_use);
@@ -71,10 +71,9 @@ private:
     MethodChoice choice_;
 };
 
-// Makes the front of accuracy against time from the methods that the calibration has a fit and a standard deviation
-// of; if it has a standard deviation of none, from the fastest method. `costs` are used if they contain all of these
-// methods, else they are measured in less than 0.1 s and stored there. Returns nullptr with `fault` set if a fit is
-// wrong or the model is unknown. setup
+// Makes the front of accuracy against time. It has the methods with a fit and a standard deviation in the calibration; if
+// there is none, the fastest method. `costs` are used if they contain all of these methods, else they are measured in less
+// than 0.1 s and stored there. Returns nullptr with `fault` set if a fit is wrong or the model is unknown. setup
 std::unique_ptr<AutoMethod> make_auto_method(const Calibration& calibration, double budget_us,
                                              std::vector<MethodCost>& costs, DecouplerFault& fault);
 

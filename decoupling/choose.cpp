@@ -78,7 +78,7 @@ std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const 
     const Calibration own = fit_for(calibration, *method);
     if (make_method(*method, own, text) == nullptr)
         return refuse("calibration", fmt::format("{}: method {}: {}", calibration.path, name, text));
-    // A channel that is replaced by its prediction is judged by the joint domain as it is then.
+    // The joint domain judges a replaced channel by its predicted value.
     return with_temperature(calibration, [method, own] {
         std::string no_fault;
         return with_parity(own, with_joint_domain(own, with_unloading(own, make_method(*method, own, no_fault))));

@@ -35,7 +35,7 @@ std::optional<double> parse(std::string_view text) {
     return value;
 }
 
-// Returns what a cell that is no number seems to be, "" if that is not known.
+// Returns a hint to the meaning of a cell that is not a number, "" if there is none.
 std::string hint(std::string_view cell, std::string_view column, std::int64_t line) {
     const bool starts_with_digit =
         !cell.empty() && (std::isdigit(static_cast<unsigned char>(cell[0])) != 0 || cell[0] == '-');
@@ -174,7 +174,7 @@ void CsvReader::split() {
 ForcesWriter::ForcesWriter(const std::string& path) : name_(path == "-" ? "standard output" : path) {
     file_.reset(path == "-" ? stdout : std::fopen(path.c_str(), "we"));
     if (file_ == nullptr) throw SetupError(why_not_opened(path));
-    // A consumer at the other end of a pipe receives each row at once, not after 4 kB.
+    // A consumer at the other end of a pipe receives each row immediately and not after 4 kB.
     if (path == "-") std::setvbuf(stdout, nullptr, _IOLBF, 1u << 16);
     put("t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality,cop_x_m,cop_y_m,direction,residual,"
         "sd_mx_Nm,sd_my_Nm,sd_mz_Nm\n");

@@ -61,9 +61,9 @@ public:
     // Opens a file, or standard output for "-", which is flushed with each row, and writes the header. setup: throws
     // SetupError where the file cannot be created
     explicit ForcesWriter(const std::string& path);
-    // Writes a row. A component that the sensor cannot measure is an empty cell. Each number is the shortest text
-    // that reads back to the same double.
-    // setup: throws std::runtime_error where it cannot be written
+    // Writes a row. A component that the sensor cannot measure is an empty cell. Each number is the shortest text that reads
+    // back to the same double.
+    // setup: throws std::runtime_error if writing fails
     void write(double t_s, const Estimate& estimate, std::string_view quality);
     void close();  // throws like write()
 

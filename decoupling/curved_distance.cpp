@@ -41,7 +41,7 @@ CurvedDistance::CurvedDistance(const JointDomain& domain)
 }
 
 double CurvedDistance::squared(const double* channel) const noexcept {
-    // Channels less their mean, then features less their mean, filled up with zeros; the sums are filled up to pairs.
+    // Channels minus their mean, then features minus their mean, padded with zeros; the sums are padded to pairs.
     double input[kMaxInputs];
     double* const feature = input + n_;
     for (std::size_t k = 0; k < n_; ++k) input[k] = channel[k] - mean_[k];

@@ -60,28 +60,27 @@ public:
     // rt: wait-free
     [[nodiscard]] virtual Estimate decouple(const Reading& reading) noexcept = 0;
 
-    // Removes what depends on the past, after missed readings or one that is not valid. rt: wait-free
+    // Resets the state that depends on the past, after missed or invalid readings. rt: wait-free
     virtual void forget() noexcept {}
 
-    // The known delay of each channel, from the middle of what it measured to t_ns of the reading, s. setup
+    // Sets the known delay of each channel, from the middle of its measurement to t_ns of the reading, s. setup
     virtual void set_delay(std::span<const double> /*of_channel_s*/) noexcept {}
-    // Returns the channels, bit k, whose delay component c has: those by which it follows a change of the load. setup
+    // Returns the channels (bit k) by which component c follows a change of the load: c has their delay. setup
     [[nodiscard]] virtual std::uint32_t timed_by(std::size_t /*c*/) const noexcept { return ~0u; }
-    // From then on the standard deviation contains what temperature can change (temperature.hpp). setup
+    // Adds the possible influence of temperature to the standard deviation from then on (temperature.hpp). setup
     virtual void set_temperature(const TemperatureInUse& /*in_use*/) noexcept {}
 
     [[nodiscard]] virtual std::string_view method() const noexcept = 0;
 };
 
-// The reason why there is no decoupler.
 struct DecouplerFault {
     std::string key;   // the key of [[sensor]] to change: "model", "calibration" or "method"
     std::string text;  // contains the calibration's file or the key
 };
 
 // Makes the decoupler of a calibration. `method`: "" = the one that the calibration was fitted for; "auto" =
-// auto_method.hpp, within `budget_us` per sample. A method without a fit in the calibration has no standard
-// deviation. Returns nullptr with `fault` set if it is not possible. setup
+// auto_method.hpp, within `budget_us` per sample. A method without a fit in the calibration has no standard deviation.
+// Returns nullptr with `fault` set on failure. setup
 std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const std::string& method, double budget_us,
                                           DecouplerFault& fault);
 // Does the same. setup: throws SetupError with the fault's text

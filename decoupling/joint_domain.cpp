@@ -29,7 +29,7 @@ public:
         Estimate estimate = inner_->decouple(reading);
         if (!estimate.has_value || reading.missing != 0 || reading.channel.size() != n_) return estimate;
         const double* const channel = reading.channel.data();
-        // A NaN is not greater: a channel that this method does not use is missing.
+        // False for a NaN, which a missing channel has that this method does not use.
         double ratio = distance_squared(channel) * per_limit_squared_;
         if (curved_)
             if (const double curved = curved_->squared(channel); curved > ratio) ratio = curved;
@@ -46,7 +46,7 @@ public:
     [[nodiscard]] std::string_view method() const noexcept override { return inner_->method(); }
 
 private:
-    // Goes by columns: each step adds a multiple of a column and does not wait for the previous sum.
+    // Column by column: each step adds a multiple of a column and does not wait for the previous sum.
     [[nodiscard]] double distance_squared(const double* channel) const noexcept {
         double z[kMaxChannels]{};
         for (std::size_t k = 0; k < n_; ++k) {

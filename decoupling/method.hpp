@@ -1,6 +1,6 @@
-// The list of all methods (config/registry.hpp). A method is one entry object at the end of its own file, so that a
-// new method is one new file and one line in a CMakeLists.txt. A model exists because methods name it. The linker's
-// order of the entries has no effect.
+// The list of all methods (config/registry.hpp). A method is one entry object at the end of its own file, so that a new
+// method is one new file and one line in a CMakeLists.txt. The models are those of the methods. The linker's order of the
+// entries has no effect.
 #pragma once
 #include <memory>
 #include <span>

@@ -1,13 +1,12 @@
-// Chooses one of several methods from the durations of its samples: one step down when the budget is missed, one step
-// up after calm. It knows only durations, no method and no clock.
+// Chooses one of several methods from the durations of its samples: one step down when the budget is missed, one step up
+// after calm. The inputs are durations only.
 //
-// Missed: more than 1 in 8 of up to 64 timed samples took longer than the budget. One preemption is one sample; a
-// busy program, a slower clock or cold caches affect all samples, and nine are enough to act. Calm: in each 64
-// consecutive timed samples at least 7 in 8 leave room for the next method up: its share of the measured costs times
-// the duration of this sample is within 80 % of the budget. A step up follows after 10 s of calm. A step up that
-// failed doubles the time before the next one onto the same method, up to an hour, until the method has run for an
-// hour. There are at most 8 steps up onto a method in any hour, and one an hour in the long run, whatever the load
-// does: 17 steps an hour between two neighbours.
+// Missed: more than 1 in 8 of up to 64 timed samples took longer than the budget. One preemption is one sample; a busy
+// program, a slower clock or cold caches affect all samples, and nine are enough to act. Calm: in each 64 consecutive timed
+// samples at least 7 in 8 leave room for the next method up: its share of the measured costs times the duration of this
+// sample is within 80 % of the budget. A step up follows after 10 s of calm. A step up that failed doubles the time before
+// the next one onto the same method, up to an hour, until the method has run for an hour. There are at most 8 steps up onto
+// a method in any hour, and one per hour in the long run under any load: 17 steps per hour between two neighbours.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -45,7 +44,7 @@ private:
     double budget_us_;
     std::array<double, kMax> up_ratio_{};        // for method i: us[i - 1] / us[i]
     std::array<std::uint64_t, kMax> wait_ns_;    // time of calm before a step up onto method i
-    std::array<bool, kMax> came_up_{};           // method i was entered by a step up and was not left downwards since
+    std::array<bool, kMax> came_up_{};           // method i was entered by a step up and has not been left downwards since
     unsigned timed_ = 0, over_ = 0, tight_ = 0;  // in the present window
     bool begun_ = false, over_budget_ = false;
     std::uint64_t calm_since_ns_ = 0, step_ns_ = 0;

@@ -15,10 +15,10 @@
 namespace tactiled {
 namespace {
 
-constexpr double kSkew = 0.5;     // share of the motion over the last samples that counts as a standard deviation
+constexpr double kSkew = 0.5;     // share of the motion over the last samples that is added to the standard deviation
 constexpr int kOff = 400;         // samples
-constexpr int kTests = 3;         // tests of each channel before one is named
-constexpr std::size_t kPast = 3;  // readings; with the present one four
+constexpr int kTests = 3;         // tests of each channel before a channel is named
+constexpr std::size_t kPast = 3;  // readings; four with the present one
 
 class ParityChecked final : public Decoupler {
 public:
@@ -52,7 +52,7 @@ public:
         for (std::size_t k = 0; k < n_; ++k) x[k] = reading.channel[k];
         predict(x, prediction);
         follow_motion(reading.t_ns, x, prediction, motion);
-        // A prediction from inputs that the calibration did not see holds no better than the method, which says so itself.
+        // A prediction from inputs outside the calibration's rows is no better than the estimate, which is already flagged.
         const std::uint32_t judged = judged_channels(x);
         std::uint32_t off = 0;
         if (judged != 0) {
@@ -88,8 +88,8 @@ private:
                     precision_[k * n_ + j] += domain.whitening[i][k] * domain.whitening[i][j];
     }
 
-    // Bit k: the other channels lie within the calibrated ranges, and jointly within the joint domain. With the inverse C^-1
-    // of the covariance and w = C^-1 (x - mean), their squared distance is that of all channels less w_k^2 / (C^-1)_kk.
+    // Bit k: all channels but k are within their ranges and their joint domain. With the inverse C^-1 of the covariance and
+    // w = C^-1 (x - mean), the squared distance of the others is that of all channels minus w_k^2 / (C^-1)_kk.
     [[nodiscard]] std::uint32_t judged_channels(const double* x) const noexcept {
         std::uint32_t beyond = 0;
         for (std::size_t k = 0; k < n_; ++k)
@@ -119,7 +119,7 @@ private:
         for (std::size_t k = 0; k < n_; ++k) prediction[k] = sum[k];
     }
 
-    // The motion of each channel and of its prediction over the last samples, or over twice the delay of the chain.
+    // Computes the motion of channels and predictions over the last samples, or over twice the delay of the chain.
     void follow_motion(std::uint64_t t_ns, const double* x, const double* prediction, double* motion) noexcept {
         for (std::size_t k = 0; k < n_; ++k) {
             double min = x[k], max = x[k], min_p = prediction[k], max_p = prediction[k];
@@ -139,8 +139,7 @@ private:
         n_past_ = std::min(n_past_ + 1, kPast);
     }
 
-    // Bit k: channel k is one of `judged`, and off by more than the limit and by more than what is harmless. False for a
-    // NaN.
+    // Returns the channels of `judged` (bit k) whose residual exceeds the limit and the harmless residual. False for a NaN.
     [[nodiscard]] std::uint32_t disagreeing(const double* x, const double* prediction, const double* motion,
                                             std::uint32_t judged) const noexcept {
         std::uint32_t off = 0;
@@ -165,7 +164,7 @@ private:
         if (is_alarmed_ && agreeing_ >= kOff) is_alarmed_ = false;
     }
 
-    // Replaces one channel by its prediction; if others then still disagree, it is not the only damaged one.
+    // Replaces one channel by its prediction. If others still disagree, this channel is not the only damaged one.
     void look_for_damage(const double* x, const double* prediction, const double* motion) noexcept {
         const std::size_t k = turn_;
         turn_ = (turn_ + 1) % n_;
@@ -183,8 +182,8 @@ private:
     }
 
     // Returns the largest shift of a component, in standard deviations, by damage of one of `suspects`, which cannot be
-    // distinguished: the residual relative to the one that shifts it by one. NaN if that is not known, or if there is no
-    // suspect.
+    // distinguished: the residual relative to the residual of a shift by one standard deviation. NaN if that is unknown, or
+    // if there is no suspect.
     [[nodiscard]] double shift(std::uint32_t suspects, const double* x, const double* prediction) const noexcept {
         double greatest = suspects == 0 ? kNaN : 0;
         for (std::size_t k = 0; k < n_; ++k)
@@ -193,8 +192,8 @@ private:
         return greatest;
     }
 
-    // Without a named channel a sample that agrees keeps its standard deviation, since the damage has no effect in it; the
-    // joint domain widens that of a sample that is not judged.
+    // Without a named channel, a sample that agrees keeps its standard deviation, since the damage has no effect in it; the
+    // joint domain increases the standard deviation of a sample that is not judged.
     [[nodiscard]] Estimate doubtful_estimate(const Reading& reading, double* x, const double* prediction,
                                              bool disagrees) noexcept {
         const std::uint32_t suspects = checked_ & ~cleared_;
@@ -231,8 +230,8 @@ private:
     std::array<std::vector<double>, kPast> past_;  // channels, then predictions
     std::size_t next_ = 0, n_past_ = 0;
     std::uint64_t past_ns_ = 0, spacing_ns_ = 0;
-    std::uint32_t recent_ = 0;  // bit i: i samples ago some channel disagreed
-    int agreeing_ = 0;          // samples in a row
+    std::uint32_t recent_ = 0;  // bit i: a channel disagreed i samples ago
+    int agreeing_ = 0;          // consecutive samples
     bool is_alarmed_ = false;
     std::uint32_t cleared_ = 0;  // bit k: channel k alone does not explain the alarm
     std::size_t turn_ = 0;       // the channel that is replaced next

@@ -15,8 +15,8 @@ namespace tactiled {
 namespace {
 
 constexpr double kMargin_K = 0.5;  // beyond the range that the calibration covered, or that is declared
-constexpr double kLarge = 0.1;     // share of full scale from which on the term makes a value UNCERTAIN
-constexpr double kStep_K = 1;      // width of the differences that give the effect of a kelvin
+constexpr double kLarge = 0.1;     // share of full scale above which the term makes a value UNCERTAIN
+constexpr double kStep_K = 1;      // width of the differences that give the effect per kelvin
 
 class WithTemperature final : public Decoupler {
 public:
@@ -52,7 +52,7 @@ public:
         Estimate estimate = is_known ? at_reference_temperature(reading) : inner_->decouple(reading);
         if (!estimate.has_value) return estimate;
         widen(is_known ? measured_ : unmeasured_, estimate);
-        // Neither is true of a NaN.
+        // Both comparisons are false for a NaN.
         const bool is_beyond = t_C < lowest_C_ || t_C > highest_C_;
         if (is_beyond) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
         return estimate;
@@ -74,11 +74,11 @@ public:
     [[nodiscard]] std::string_view method() const noexcept override { return inner_->method(); }
 
 private:
-    // Change of the wrench by a kelvin: on all channels alike, and on each by itself (root of the sum of squares).
+    // Change of the wrench per kelvin: of all channels together, and of each channel alone (root of the sum of squares).
     struct Effect {
         Wrench alike{}, each{};
     };
-    // The part of the standard deviation: squares, 0 for a component that is not measured.
+    // The contribution to the standard deviation: squares, 0 for a component that is not measured.
     struct Term {
         Wrench squared{};
         double gain = 0;  // relative to the component
@@ -106,8 +106,8 @@ private:
         if (term.is_large) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
     }
 
-    // Change of the wrench from half of `step_K` below to half of it above the reading `at`, per kelvin; of all channels, or
-    // of channel `only`.
+    // Returns the change of the wrench per kelvin, from half of `step_K` below to half of it above the reading `at`; for all
+    // channels, or for channel `only`.
     [[nodiscard]] Wrench change(Decoupler& examined, const std::vector<double>& at, double step_K,
                                 std::size_t only) const noexcept {
         double above[kMaxChannels], below[kMaxChannels];
@@ -125,8 +125,8 @@ private:
         return per_K;
     }
 
-    // The largest of several: at no load and at the middle of the calibration's rows, over a kelvin and over the range,
-    // because a method need not be linear. A place where the method has no value does not count; NaN if it has none at all.
+    // Returns the largest effect at no load and at the middle of the calibration's rows, over one kelvin and over the range,
+    // because a method need not be linear. NaN if the method has no value in any of them.
     [[nodiscard]] Effect effect_of_a_kelvin(double width_K) noexcept {
         Effect largest{kUnseen, kUnseen};
         const std::unique_ptr<Decoupler> examined = make_();
@@ -151,8 +151,8 @@ private:
         return largest;
     }
 
-    // The term where the temperature of all channels is unknown within `alike_K`, and differs by `each_K` from channel to
-    // channel. An effect of 0 K is known to be 0.
+    // Returns the term for a temperature that is unknown within `alike_K` for all channels, and that differs by `each_K`
+    // between channels. The effect of 0 K is 0, even if the effect per kelvin is unknown.
     [[nodiscard]] Term term(const Effect& per_K, double alike_K, double each_K) const noexcept {
         Term term;
         term.gain = std::isfinite(alike_K) ? gain_per_K_ * alike_K : 0;

@@ -21,7 +21,7 @@ public:
             return estimate;
         }
         const double below_peak = peak_.next(scale_.of(estimate.wrench_S), reading.t_ns);
-        // Squares, for hypot() takes several times as long. NaN: not measured, or sd not known.
+        // Squares, because hypot() takes several times as long. NaN: not measured, or sd unknown.
         for (std::size_t c = 0; c < sd_.size(); ++c) {
             const double more = sd_[c] * below_peak;
             if (more > 0) estimate.sd[c] = std::sqrt(estimate.sd[c] * estimate.sd[c] + more * more);

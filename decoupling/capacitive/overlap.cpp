@@ -27,7 +27,7 @@ public:
         pad_.gap = geometry.gap_m / geometry.disc_radius_m;
         for (std::size_t e = 0; e < kElectrodes; ++e) channel_[e] = std::size_t(wiring[e]);
         std::array<double, 3> all{};
-        for (unsigned set = (1u << kElectrodes); set-- > 0;) {  // from all five down
+        for (unsigned set = (1u << kElectrodes); set-- > 0;) {  // begins with all five electrodes
             OverlapSolver::Electrodes unused;
             OverlapSolver::Jacobian j;
             solver_.linearise({0, 0, 0}, OverlapSolver::Electrodes::Zero(), set, unused, j);

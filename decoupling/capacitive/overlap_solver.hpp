@@ -32,8 +32,8 @@ public:
     // setup
     OverlapSolver(const std::array<double, kElectrodes>& active, const ElectrodeGeometry& geometry);
 
-    // Returns the first-order solution: u from Cn (else from the sum of the sectors), the shift from each pair or
-    // from the rest of it. `set`: bit e = electrode e is used. rt: wait-free
+    // Returns the first-order solution: u from Cn (else from the sum of the sectors), the shift from each pair, or from the
+    // remaining electrode of the pair. `set`: bit e = electrode e is used. rt: wait-free
     [[nodiscard]] State start(const Electrodes& reading, unsigned set) const noexcept;
     // rt: wait-free, at most `max_steps`, one or more
     [[nodiscard]] Solved solve(const Electrodes& reading, unsigned set, const State& from,

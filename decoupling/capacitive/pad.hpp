@@ -23,16 +23,14 @@ struct PadLaw {
     double shear_gap_exponent;  // p: shear stiffness * u^p; 1 = G A / d
     double gap = 0;             // d0, in the unit of shift; 0 = the influence of a shear on the press is neglected
 
-    // Press in N, > 0 under a press: K/3 (u^2 - 1/u) u^q with v = u - 1, monotone for every u > 0 if -2 <= q <= 1.
-    // For q = 0 this is neo-Hookean compression, nominal stress E/3 (1/lambda^2 - lambda), lambda = 1/u. rt:
-    // wait-free
+    // Press in N, > 0 under a press: K/3 (u^2 - 1/u) u^q with v = u - 1, monotone for every u > 0 if -2 <= q <= 1. For q = 0
+    // this is neo-Hookean compression, nominal stress E/3 (1/lambda^2 - lambda), lambda = 1/u. rt: wait-free
     [[nodiscard]] double press_N(double v) const noexcept {
         const double u = 1 + v;
         return normal_stiffness_N * v * (u * u + u + 1) / (3 * u) * power(u, stiffening);
     }
-    // Contribution of a shift to the press at that closeness, N: a pad that stores k(u) shift^2 / 2 pushes back if k
-    // rises as it closes, -d/dd of that energy = p k(u) u shift^2 / 2 d0. It has no parameter of its own. rt:
-    // wait-free
+    // Contribution of a shift to the press at that closeness, N: a pad that stores k(u) shift^2 / 2 pushes back if k rises
+    // as it closes, -d/dd of that energy = p k(u) u shift^2 / 2 d0. It has no parameter of its own. rt: wait-free
     [[nodiscard]] double press_by_shift_N(double v, double shift2) const noexcept {
         if (!(gap > 0)) return 0;
         return 0.5 * shear_gap_exponent * shear_stiffness_at(v) * (1 + v) * shift2 / gap;

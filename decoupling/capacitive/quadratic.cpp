@@ -101,10 +101,9 @@ private:
     Wrench sd_ = kUnseen;
 };
 
-// side: a row for each of C1 .. C4, with b and a for the force towards it and b and a for the press.
+// side: one row for each of C1 .. C4: b and a for the force towards the electrode, b and a for the press.
 constexpr std::array<KnownTable, 1> kTables{{{"side", 4, 4, false}}};
 
-// Returns the fault of the parts that a shear needs, "" if there is none.
 std::string fault_of_sides(const CalibrationData& data) {
     const NumberRows* side = data.table("side");
     if (side == nullptr) return "table side is missing: 4 rows C1 .. C4 of b a normal_b normal_a";

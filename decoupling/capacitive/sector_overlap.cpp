@@ -1,6 +1,5 @@
-// Derived for this project; the thesis' eq. XXVI treats the shifted disc as concentric and errs by 9 % at first order
-// (decoupling/capacitive/README.md, "Errata"). Seen from the origin, the edge of the disc of radius R shifted by d is
-// at
+// Derived for this project; the thesis' eq. XXVI treats the shifted disc as concentric, with an error of 9 % at first order
+// (decoupling/capacitive/README.md, "Errata"). Seen from the origin, the edge of the disc of radius R shifted by d is at
 //
 //     rho(t) = c + S,    c = d cos t,  u = d sin t,  S = sqrt((R - u)(R + u)),    t measured from the shift's direction.
 //
@@ -8,8 +7,8 @@
 //
 //     dA = 1/2 [u2 rho2 - u1 rho1 + R^2 (asin(u2/R) - asin(u1/R))]
 //
-// Each term is proportional to d, so a shift of 1 pm is as exact as one of 1 mm; the difference of two areas would
-// lose 10 digits. The derivative by the shift is the chord of the edge, rotated by -90 degrees.
+// Each term is proportional to d, so a shift of 1 pm is as exact as one of 1 mm; the difference of two areas would lose 10
+// digits. The derivative by the shift is the chord of the edge, rotated by -90 degrees.
 #include "decoupling/capacitive/sector_overlap.hpp"
 
 #include <algorithm>

@@ -53,7 +53,6 @@ private:
     double rows_;
 };
 
-// Returns the given rows of `matrix`.
 Eigen::MatrixXd rows_of(const Eigen::MatrixXd& matrix, const std::vector<Eigen::Index>& rows);
 
 }  // namespace tactiled

@@ -14,22 +14,22 @@
 namespace tactiled {
 namespace {
 
-// 1.4: sessions that no calibration saw were up to 1.25 times beyond the held-out quantile (simulated optical skins).
+// 1.4: sessions outside the calibration were up to 1.25 times beyond the held-out quantile (simulated optical skins).
 constexpr double kQuantile = 0.999, kMargin = 1.4;
 // Noise and drift of each channel, as a standard deviation in units of a quarter of its range: 0.25 % of the range, as in
 // the joint domain. One session does not show how far zeros and gains move until the next: 1.25 %.
 constexpr double kFloor = 0.01, kFloorOfOneSession = 0.05;
-// Added to the covariance, times its diagonal; divided by the number of sessions. S held-out sessions show S directions in
-// which a session may be off, and the next one is off in others: with 6 / S, zeros and gains that differ by 2 % from session
-// to session lost no GOOD sample of simulated skins, and with 2 / S up to 12 %.
+// Added to the covariance, times its diagonal; divided by the number S of sessions. S held-out sessions show S directions of
+// the differences between sessions, and the next session differs in others. With 6 / S, zeros and gains that differ by 2 %
+// from session to session lost no GOOD sample of simulated skins, and with 2 / S up to 12 %.
 constexpr double kShrinkage = 6, kShrinkageOfOneSession = 2;
 constexpr double kMaxFalseAlarms = 0.005;
-constexpr double kHarm = 0.1;                 // damage counts from this change of a component on, relative to full scale
+constexpr double kHarm = 0.1;                 // minimum change of a component that counts as damage, relative to full scale
 constexpr double kLeastHarmful = 0.002;       // share of damaged rows that the joint domain alone may leave undetected
 constexpr double kWorth = 0.7;                // undetected damage relative to that of the joint domain alone
-constexpr std::size_t kEnoughDirections = 4;  // the time of a sample grows with their products
+constexpr std::size_t kEnoughDirections = 4;  // the computing time grows with the products of the directions
 constexpr std::size_t kDamagedRows = 500;
-// A direction that the rows hardly show, such as the product of loads that never came together, has a large distance, so
+// A direction that the rows hardly show, such as the product of loads that never occurred together, has a large distance, so
 // that the limit is wide there.
 constexpr double kRidge = 1e-3, kLeastVariance = 1e-6;
 
@@ -38,7 +38,7 @@ Eigen::MatrixXd inverse_factor(const Eigen::MatrixXd& covariance) {
                               Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
 }
 
-// The surface through some rows, whose channels are less the mean and in units of a quarter of their range.
+// The surface through some rows. Channels are minus their mean, in units of a quarter of their range.
 struct Surface {
     Eigen::RowVectorXd mean, feature_mean;
     Eigen::MatrixXd directions;         // channels x directions
@@ -96,14 +96,13 @@ std::vector<std::vector<double>> triangle_in(const Eigen::MatrixXd& matrix) {
     return rows;
 }
 
-// The rows as the search needs them.
 struct Seen {
     Eigen::MatrixXd channel;                        // in `unit`
     Eigen::RowVectorXd unit;                        // a quarter of each channel's range, channel_unit
     Eigen::VectorXd variance;                       // noise and zero, in `unit`
     std::vector<std::vector<Eigen::Index>> groups;  // row indices
     std::size_t loads;
-    double shrinkage;  // the covariance towards its diagonal
+    double shrinkage;  // shrinkage of the covariance towards its diagonal
 };
 
 // Returns the domain with m directions, without a limit if it is not possible.
@@ -113,7 +112,7 @@ CurvedDomain domain_of(const Seen& seen, Eigen::Index m) {
     };
     if (!is_enough(seen.loads)) return {};
     const Eigen::Index n = seen.channel.cols();
-    std::vector<Eigen::MatrixXd> residual;  // each held-out group
+    std::vector<Eigen::MatrixXd> residual;  // residuals of each held-out group
     Eigen::MatrixXd all = Eigen::MatrixXd::Zero(n, n);
     double rows = 0;
     for (const auto& group : seen.groups) {
@@ -158,11 +157,11 @@ CurvedDomain domain_of(const Seen& seen, Eigen::Index m) {
     return domain;
 }
 
-// Readings of which one channel has the value of another row, so that the estimate is GOOD without a check and a component
-// moves by kHarm; the joint domain finds none of them.
+// Readings in which one channel has the value of another row, so that a component moves by kHarm although the estimate is
+// GOOD without a check. The joint domain accepts all of them.
 struct Harmful {
     std::vector<std::vector<double>> readings;
-    std::size_t damaged = 0;  // readings that were made
+    std::size_t damaged = 0;  // number of readings that were made
 };
 
 Harmful harmful_damage(const Rows& rows, const Calibration& calibration) {

@@ -26,7 +26,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMinRows = 6;  // fewer are refused before anything else: their labels vary by chance
+constexpr std::size_t kMinRows = 6;  // the labels of fewer rows vary by chance, so they are refused first
 constexpr double kTooGood = 1e-6;    // part of full scale: a reference may have six digits
 
 // Returns the requested fits, at least one.
@@ -126,7 +126,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     if (!remembers) check_recording(*labelled, rows, report.warnings);
     Temperature temperature;  // set in the calibration at the end: until then all rows are at the reference
     if (!remembers) temperature = take_temperature_off(rows, *labelled, calibration, report.warnings);
-    if (!temperature.zero_per_K.empty())  // a row without a temperature is of no use
+    if (!temperature.zero_per_K.empty())  // a row without a temperature cannot be corrected
         std::erase_if(rows, [](const LabelledRow* row) { return !std::isfinite(row->temperature_C); });
     Calibration raw;  // domain of the readings without a tare
     raw.channels = labelled->channels;
@@ -217,7 +217,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         } catch (const Undetermined& error) { refuse(trial, error); }
         trial.about.seconds += since(begun);
         if (!report.zeros.own) continue;
-        // Readings before a tare must not count as outside the domain.
+        // Readings before a tare must count as inside the domain.
         for (std::size_t k = 0; k < raw.channels.size(); ++k) {
             trial.calibration.channel_least[k] = std::min(trial.calibration.channel_least[k], raw.channel_least[k]);
             trial.calibration.channel_most[k] = std::max(trial.calibration.channel_most[k], raw.channel_most[k]);
@@ -268,7 +268,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
             other.parity_harmless = one.parity_harmless;
         }
     }
-    // The zero of the next mounting is another one, and the readings contain it until a tare.
+    // Remounting changes the zero, and the readings contain the change until a tare.
     if (report.zeros.own)
         for (double* limit : {&calibration.joint_domain.limit, &calibration.joint_domain.curved.limit}) *limit *= 2;
     calibration.temperature = std::move(temperature);

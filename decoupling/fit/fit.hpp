@@ -45,7 +45,6 @@ struct ComponentReport {
     double held_out_rms = 0;  // on rows that were held out with their group; NaN = validation was not possible
 };
 
-// A row that was held out, and its estimate.
 struct HeldOut {
     const LabelledRow* row;
     Wrench estimated_S;
@@ -131,10 +130,10 @@ struct FitEntry {
     bool (*knows_channel)(std::string_view) = nullptr;  // nullptr: any channel
     std::string_view channels = {};                     // description of the channels that it knows, for messages
     const char* channel_unit = "unknown";               // usual unit of these channels
-    // The estimate of a row depends on the rows before. fit() then removes nothing from their midst, neither a
-    // suspected row nor a pose, and estimates held-out rows with their past.
+    // True if the estimate of a row depends on the rows before. fit() then removes no suspected row or pose from between
+    // other rows, and estimates held-out rows together with the rows before them.
     bool remembers = false;
-    std::string_view adds_to = {};  // the method to which this one adds a correction, and whose error it should lower
+    std::string_view adds_to = {};  // the method to which this one adds a correction that should lower its error
     bool must_gain = false;         // refused if the held-out error is not lower than that of `adds_to`
     bool takes_zero_drift = false;  // repeating rows with random zeros gives the best fit for such zeros
     FitOption option = {};
@@ -147,7 +146,7 @@ const FitEntry* find_fit(std::string_view model, std::string_view method);
 // these in alphabetical order. setup
 std::vector<const FitEntry*> fits_of(std::string_view model);
 std::vector<const FitEntry*> all_fits();
-// Returns the fault of the list: two fits of one name, or a fit of no method; "" if there is none. Checked by fit().
+// Returns the fault of the list: two fits of one name, or a fit without a method; "" if there is none. Checked by fit().
 // setup
 std::string fault_of_fits();
 // Sets an option in each fit of the request's model that has an option of this name. setup: throws SetupError

@@ -27,7 +27,7 @@ Eigen::VectorXd fold_constant(const Eigen::MatrixXd& m, const Eigen::VectorXd& b
                               const Eigen::VectorXd& width) {
     const Eigen::MatrixXd scaled = m * width.asDiagonal();
     const Eigen::VectorXd wanted = -b - m * at_rest;
-    // Rows are scaled, too: newton and newton metre differ by the arm, 1e-3.
+    // Rows are scaled, too, because N and Nm differ by a lever arm of about 1e-3 m.
     const Eigen::VectorXd length = scaled.rowwise().norm();
     const Eigen::MatrixXd unit_rows = scaled.array().colwise() / length.array();
     const Eigen::VectorXd unit_wanted = wanted.array() / length.array();

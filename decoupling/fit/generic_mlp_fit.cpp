@@ -20,14 +20,14 @@ namespace {
 
 constexpr Eigen::Index kMinNeurons = 3, kMaxNeurons = 24;
 constexpr std::size_t kMaxWeights = 800;
-// Fewer rows for each weight of the smallest network are refused; a larger network has the second number of them.
+// Fewer rows for each weight of the smallest network are refused; a larger network has at least the second number.
 constexpr std::size_t kRowsPerWeight = 3, kRowsPerWeightOfMore = 10;
 // A step costs about rows x weights^2 multiplications: 4000 rows with 534 weights (15 channels, 6 components) take 0.1 s.
 constexpr double kMaxMultiplications = 1.15e9;
 constexpr Eigen::Index kMaxRows = 4000, kRowsOfAStart = 1200;
 constexpr int kStarts = 4, kStepsOfAStart = 8, kSteps = 48;
-// Trials while some component gains too little; while none gains enough but one gains kPromising: that one start of
-// several ends without a gain is chance, and without any gain the sensor is linear.
+// Maximum number of starts if some component gains too little, and if no component gains enough but one gains kPromising.
+// One start without a gain may be chance; without a gain in any start the sensor is linear.
 constexpr int kMaxTrials = 3, kMaxTrialsOfNone = 12;
 constexpr double kDecay = 1e-4;     // penalty on squared weights, per row
 constexpr Eigen::Index kParts = 5;  // stretches of time, as in the validation: shorter ones resemble the rest too much
@@ -144,7 +144,7 @@ Trained train_from(const MlpRows& all, Eigen::Index neurons, std::uint64_t seed,
     MlpSolver solver(used, mlp_start(used, neurons, kDecay, seed), kDecay);
     for (auto step = sums.begin(); step != best && solver.step();) ++step;
     Trained trained{solver.network(), best->error()};
-    // The network of all rows must help these, too.
+    // The network that was trained on all rows must lower the error on these rows, too.
     const Sums own = sums_of(trained.network, used);
     for (Eigen::Index c = 0; c < trained.error.size(); ++c) {
         const double part = best->part()[c];

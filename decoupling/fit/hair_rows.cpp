@@ -86,7 +86,7 @@ HairSession hair_session_of(const Rows& rows, const Calibration& calibration, do
 
 HairFit fit_hair(const HairSession& session, std::size_t channel, std::size_t first) {
     struct Term {
-        std::size_t axis, leak;  // one of the two; the other is 3 or kLeakTerms
+        std::size_t axis, leak;  // one of the two is valid; the other is 3 or kLeakTerms
         int order;
     };
     std::vector<Term> terms;

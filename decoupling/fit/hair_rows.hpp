@@ -16,7 +16,6 @@ struct RobustFit {
 };
 RobustFit robust_least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& y);
 
-// The labels as stresses, the wiring, and the range.
 struct HairSession {
     Rows rows;
     std::vector<std::size_t> hair;  // hair of each channel

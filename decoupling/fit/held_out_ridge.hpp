@@ -12,8 +12,8 @@ namespace tactiled {
 // last column is the error without a correction.
 using BlockErrors = Eigen::MatrixXd;
 
-// Errors of one component. `as_read`: outside the domain of the other rows a correction keeps its value at the nearest
-// point inside, as in the loop. `smooth`: it goes on there, so that loads beyond all others do not hide the rest.
+// Errors of one component. `as_read`: outside the domain of the other rows a correction keeps its value at the nearest point
+// inside, as in the loop. `smooth`: the correction continues there, so that loads beyond all others do not hide the rest.
 struct HeldOutErrors {
     BlockErrors as_read, smooth;
 };
@@ -34,8 +34,8 @@ bool gains(const BlockErrors& errors, Eigen::Index column);
 // Returns true if ridge `column` gains on smooth and is not worse as read, or gains as read.
 bool gains(const HeldOutErrors& errors, Eigen::Index column);
 
-// Returns the ridge with the smallest smooth error of those that are not worse as read if it gains, else the one with the
-// smallest error as read, the last column if that does not gain either.
+// Returns the ridge with the smallest smooth error among those that are not worse as read, if it gains. Otherwise returns
+// the ridge with the smallest error as read if that gains, else the last column.
 std::size_t best_ridge(const HeldOutErrors& errors);
 
 // Returns true if `table` of a calibration that is fitted again has no correction for component `i`: its row is 0.

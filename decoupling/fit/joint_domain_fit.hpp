@@ -14,8 +14,8 @@ namespace tactiled {
 // domain, too (curved_domain_fit.hpp). setup
 void set_joint_domain(const Rows& rows, const std::vector<std::size_t>& group_of_row, Calibration& calibration);
 
-// The zeros that each channel may have, as a standard deviation in channel_unit: the drift that is allowed for, and what
-// the domain has beyond the rows, which are less their session's zero where each session has its own. setup
+// Returns the standard deviation of each channel's zero, channel_unit: the allowed drift, and the part of the domain beyond
+// the rows. If each session has its own zero, it is subtracted from the rows. setup
 std::vector<double> zeros_of(const Rows& rows, const Calibration& calibration);
 
 }  // namespace tactiled

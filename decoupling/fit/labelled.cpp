@@ -14,7 +14,7 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kMaxSessions = 1000, kSessionsOfFewRows = 20;
-constexpr double kLatest_s = 9e9;  // and as much before 0: in nanoseconds below 2^64
+constexpr double kLatest_s = 9e9;  // and the same before 0; below 2^64 in nanoseconds
 
 // Returns the component that a column seems to contain, 6 if none: "fz", "Fz_mN", "mx_Nmm". A label that was used as
 // a channel would predict itself, and the calibration would seem perfect.
@@ -26,7 +26,7 @@ std::size_t meant_component(std::string_view column) {
     return std::size_t(std::find(kComponentNames.begin(), kComponentNames.end(), name) - kComponentNames.begin());
 }
 
-// Returns what a column seems to be that is no channel, "" if it may be one. A time or a row number that was used as a
+// Returns the kind of a column that is not a channel, "" if it may be a channel. A time or a row number that was used as a
 // channel would fit this recording only.
 std::string no_channel(std::string_view column) {
     std::string name(column);

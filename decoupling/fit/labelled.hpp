@@ -33,7 +33,7 @@ struct Selection {
 // Returns the column of component c in labelled.csv and forces.csv: "fx_N" .. "mz_Nm".
 std::string label_column(std::size_t c);
 
-// setup: throws SetupError where the file, a column or a number is wrong, or nothing is left of it
+// setup: throws SetupError where the file, a column or a number is wrong, or no row remains
 Labelled read_labelled(const std::string& path, const Selection& selection);
 
 }  // namespace tactiled

@@ -20,7 +20,7 @@ constexpr double kNoPress = 0.02;            // relative to the largest pull
 // Distance of a mark for a missing value over the range of all other labels; the second if it consists of nines.
 constexpr double kMarkBeyond = 15, kNinesBeyond = 2;
 constexpr double kRelated = 0.5;          // correlation of a channel with a label
-constexpr double kAsFar = 2.5;            // ratio of a label and what such a channel shows
+constexpr double kAsFar = 2.5;            // ratio of a label to the load that such a channel shows
 constexpr double kUsual[] = {1000, 100};  // N, Nm: more is rare in a gripper, and usual for grams or mN
 constexpr double kLongArm_m = 1;          // a moment over a force
 
@@ -31,7 +31,7 @@ bool is_nines(double label) {
 }
 
 // Returns true if in each row with the label `mark` a channel is as far from its values in the other rows as under such a
-// load. Only channels that change with the label there count, and none that has the mark itself.
+// load. Counts only channels that change with the label in the other rows and that do not have the mark themselves.
 bool channels_follow(const Rows& rows, std::size_t c, double mark) {
     Rows others, marked;
     for (const auto* row : rows)
@@ -55,7 +55,8 @@ bool channels_follow(const Rows& rows, std::size_t c, double mark) {
     return std::find(follows.begin(), follows.end(), false) == follows.end();
 }
 
-// A label that several rows have exactly, or that consists of nines, far from those of all other rows, while no channel is.
+// Refuses a label that several rows have exactly, or that consists of nines, far from all other labels, although no channel
+// is far from the others: a mark for a missing value.
 void refuse_mark(const Labelled& labelled, const Rows& rows, std::size_t c) {
     const LabelledRow *least = nullptr, *greatest = nullptr;
     for (const auto* row : rows) {
@@ -85,7 +86,6 @@ void refuse_mark(const Labelled& labelled, const Rows& rows, std::size_t c) {
     }
 }
 
-// Keeps the columns `kept` of every row.
 Labelled with_channels(const Labelled& labelled, const std::vector<std::size_t>& kept) {
     Labelled result = labelled;
     result.channels.clear();
@@ -195,7 +195,7 @@ std::string press_without_sign(const Rows& rows) {
     std::sort(labels.begin(), labels.end());
     const double min = labels.front();
     max = labels.back();
-    // A single mistyped label is no direction: the next ones count.
+    // A few mistyped labels do not determine the direction: up to 1 % of the labels are skipped.
     const std::size_t some = std::max<std::size_t>(1, labels.size() / 100);
     presses = labels[some - 1];
     if (!(max > 0) || presses < -kNoPress * labels[labels.size() - some]) return "";

@@ -8,7 +8,7 @@
 
 namespace tactiled {
 
-// The data do not determine the model; what() says what is missing. Setup only.
+// Thrown if the data do not determine the model; what() names the missing data. Setup only.
 struct Undetermined : std::runtime_error {
     using std::runtime_error::runtime_error;
 };

@@ -11,13 +11,13 @@
 namespace tactiled {
 namespace {
 
-// An error of a suspected row beyond this quantile of the others' errors counts linearly: if the label is wrong, its
-// error says little about the fit.
+// An error of a suspected row beyond this quantile of the others' errors counts linearly: if the label is wrong, its error
+// gives little information on the fit.
 constexpr double kTail = 0.99;
 // A gain counts if it is this share of the squared errors, or as many standard errors of the sum over the parts held out.
 constexpr double kClearGain = 0.05, kSure = 2;
-// A label is left out, too, if its error is so many times the others' 99 % quantile that of good rows whose errors have
-// the tails of Student's distribution of two degrees (shares fall with the square) one in twenty recordings would have it.
+// A label is also left out if its error exceeds the others' 99 % quantile by so large a factor that it would occur in one of
+// twenty recordings of good rows, with errors as in Student's distribution of two degrees (shares fall with the square).
 constexpr double kFarTimes = 5, kFarPerRow = 0.01 * 20;
 
 // Sums of the squared errors of each part that was held out.
@@ -58,7 +58,7 @@ Wrench tail_of(const Validation& validation, const std::set<const LabelledRow*>&
     return tail;
 }
 
-// Returns for each suspected row which of its labels are further off than chance explains.
+// Returns, for each suspected row, the labels whose errors chance does not explain.
 std::map<const LabelledRow*, std::array<bool, 6>> far_off(const Validation& validation,
                                                           const std::set<const LabelledRow*>& suspects, const Wrench& tail) {
     const double times = std::max(kFarTimes, std::sqrt(kFarPerRow * double(validation.rows.size())));

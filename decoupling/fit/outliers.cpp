@@ -23,9 +23,8 @@ constexpr int kRounds = 6, kRoundsOfMany = 3;
 // A label with a smaller error is not a relevant mistake. The step is the smallest distance of two different labels: if
 // they are rounded, each may be off by half of it.
 constexpr double kOfFullScale = 0.01, kOfStep = 0.6, kOfRounded = 0.03;
-// Left out of the first fit that judges: a load that distorts the fit of all rows would hide among the errors that it
-// causes.
-constexpr double kTrimmed = 0.02;  // share of the loads; the limit is this or kMaxLeftOut loads
+// Omitted from the first fit, because a load that distorts the fit of all rows would hide among the errors that it causes.
+constexpr double kTrimmed = 0.02;  // share of the loads; at least kMaxLeftOut loads
 
 // Returns the 99 % quantile of the labels' magnitudes, so that a label with a lost decimal point has no influence.
 Wrench robust_full_scale(const Rows& rows) {
@@ -57,7 +56,7 @@ std::set<const LabelledRow*> rows_of_greatest_errors(const std::vector<Load>& lo
     return result;
 }
 
-// Returns the error of each label from which on it may be a mistake: a part of full scale, but more than rounding.
+// Returns the minimum error of each label that may be a mistake: a part of full scale, but more than rounding.
 Wrench relevant_errors(const Rows& rows, const Wrench& full_scale) {
     Wrench relevant{};
     for (std::size_t c = 0; c < 6; ++c) {
@@ -91,8 +90,7 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
             if (out.count(row) == 0) kept.push_back(row);
         return kept;
     };
-    // Each round fits without all suspected loads, whether or not they will be left out, so that none of them
-    // distorts the fit that judges it.
+    // Each round fits without all suspected loads, so that none of them distorts the fit that judges it.
     std::set<const LabelledRow*> suspected, fitted_without;
     Found found;
     for (int round = 0; round < (loads.size() < kSmallRecording ? kRounds : kRoundsOfMany); ++round) {

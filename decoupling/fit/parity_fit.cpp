@@ -16,14 +16,14 @@ namespace tactiled {
 namespace {
 
 constexpr double kNoise = 1e-3;  // share of a channel's range: noise and drift that a recording of held loads does not show
-constexpr double kWorth = 0.7;   // the error of a quadratic one over that of a linear one, from which on it is taken
-constexpr double kRedundant = 0.05;  // greatest sd of a residual, as a part of the channel's range
+constexpr double kWorth = 0.7;   // maximum error of a quadratic prediction, relative to a linear one
+constexpr double kRedundant = 0.05;  // maximum sd of a residual, relative to the channel's range
 // The 99.9 % quantile of normal numbers is 3.29 standard deviations.
 constexpr double kTail = 0.999, kTail_sd = 3.29;
 constexpr double kRidge = 1e-10;
 constexpr std::size_t kMaxChannelsOfOrder2 = 8;
-constexpr std::size_t kRowsOfShift = 100;  // rows in which the shift of the components is looked at
-constexpr double kMaxFalseAlarms = 0.01;   // share of held-out rows from which on a calibration gets no parity
+constexpr std::size_t kRowsOfShift = 100;  // rows for which the shift of the components is computed
+constexpr double kMaxFalseAlarms = 0.01;   // share of held-out rows; above it the calibration gets no parity
 
 Eigen::MatrixXd features_of(const Rows& rows, const Parity& parity) {
     const std::size_t n = rows.front()->channel.size();
@@ -36,7 +36,6 @@ Eigen::MatrixXd features_of(const Rows& rows, const Parity& parity) {
     return features;
 }
 
-// The features that do not contain channel k.
 std::vector<Eigen::Index> features_without(std::size_t n, int order, std::size_t k) {
     std::vector<Eigen::Index> index{0};
     for (std::size_t i = 0; i < n; ++i)
@@ -48,7 +47,7 @@ std::vector<Eigen::Index> features_without(std::size_t n, int order, std::size_t
     return index;
 }
 
-// Coefficients of all channels, a column each, by ridge regression on the rows of `features`.
+// Coefficients of all channels, one column per channel, by ridge regression on the rows of `features`.
 Eigen::MatrixXd coefficients_of(const Eigen::MatrixXd& features, const Eigen::MatrixXd& channel, int order) {
     const auto n = std::size_t(channel.cols());
     const Eigen::MatrixXd squares = features.transpose() * features, products = features.transpose() * channel;

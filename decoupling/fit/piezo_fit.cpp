@@ -199,7 +199,7 @@ void fit_film(const std::vector<PiezoRun>& runs, double range_N, std::size_t Vp,
         solved = film.solve(tau_s);
     }
     if (solved.dependent.empty() && solved.coefficient[2] < 0) {
-        // The model allows no curvature of that sign; if it is only noise, neglecting it costs nothing.
+        // The model allows no curvature of that sign; a curvature that is only noise can be neglected.
         film.has_curvature = false;
         if (solved.coefficient[1] > 0 && -solved.coefficient[2] * range_N > kSureEnough * solved.coefficient[1])
             warnings.emplace_back("Vp rises less and less with the press; its curve is taken as a straight line");
@@ -210,7 +210,7 @@ void fit_film(const std::vector<PiezoRun>& runs, double range_N, std::size_t Vp,
         throw Undetermined("the gain of Vp cannot be determined: the press must take three levels or more, and change fast");
     const auto sure = film.sureness(tau_s, solved, range_N, tau_is_stated);
     const double passed = film.passed(tau_s);
-    // "not below": NaN
+    // !(a < b) is also true for NaN
     if (!(sure.gain < kSureEnough) || !(passed > kMinPassed))
         throw Undetermined(fmt::format(
             "Vp does not follow fast changes of the press: of its spread, {:.1f} % pass a leak of {:.3g} s, and "

@@ -24,8 +24,7 @@ FilmResponse film_response(std::span<const double> t_s, std::span<const double> 
 struct PiezoRun {
     std::vector<double> t_s, press_N, Vp, Cn;
 };
-// Cn at a time when the converter had a new value, with the mean of the press and of its square over the window that
-// ended there.
+// Cn at the time of a new value, with the means of the press and of its square over the window that ended then.
 struct CentreReading {
     double mean_N, mean_square_N2, Cn;
 };

@@ -51,13 +51,13 @@ public:
         const Eigen::MatrixXd r = qr.matrixQR().topRows(x.cols()).triangularView<Eigen::Upper>();
         svd_.compute(r, Eigen::ComputeFullV);
     }
-    // Returns that of a linear function of the coefficients.
+    // Returns the standard deviation of a linear function of the coefficients.
     [[nodiscard]] double of(const Eigen::RowVectorXd& function) const {
         const Eigen::RowVectorXd scaled = function.array() / length_.array();
         return sd_ * (scaled * svd_.matrixV()).cwiseQuotient(svd_.singularValues().transpose()).norm();
     }
-    // Returns that of a curve with the coefficients 1 (b) and 2 (a): of its mean slope over 0 .. range, or of the
-    // distance of its middle from the straight line, a range^2 / 4, divided by the range; the larger one.
+    // Returns the larger of two standard deviations of a curve with the coefficients 1 (b) and 2 (a), divided by the range:
+    // of the mean slope over 0 .. range, and of the distance of the middle from a straight line, a range^2 / 4.
     [[nodiscard]] double of_curve(double range, bool has_curvature) const {
         Eigen::RowVectorXd slope = Eigen::RowVectorXd::Unit(length_.size(), 1);
         if (!has_curvature) return of(slope);

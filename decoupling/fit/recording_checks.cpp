@@ -15,8 +15,8 @@
 namespace tactiled {
 namespace {
 
-// A mark for a missing value, such as -999: at least two rows have exactly this value, and all others are further away
-// from it than they extend, with many different values.
+// A mark for a missing value, such as -999: at least two rows have exactly this value, and its distance from all others
+// exceeds their range, which has many different values.
 constexpr std::size_t kDifferent = 20;
 constexpr double kFollows = 0.5;                       // relative to the range of the other rows' labels
 constexpr double kCutOff = 0.01, kCutOffTimes = 3;     // share of the rows at the end; times the next most frequent value
@@ -50,7 +50,7 @@ double extent(const Rows& rows, const Wrench& full_scale) {
     return result;
 }
 
-// Returns true if in each row with this value of a channel a label is far beyond those of all others, so that the load
+// Returns true if in each row with this value of a channel a label is far from those of all other rows, so that the load
 // explains the readings.
 bool labels_follow(const Rows& rows, std::size_t k, double value) {
     Wrench min, max;
@@ -123,7 +123,7 @@ void check_channel(const Labelled& labelled, const Rows& rows, std::size_t k, st
     }
 }
 
-// Labels of exactly 0 where there was no reference reading.
+// Warns of labels of exactly 0 in rows without a reference reading.
 void check_zeros(const Rows& rows, std::vector<std::string>& warnings) {
     Rows zero;
     for (const auto* row : rows)
@@ -145,7 +145,7 @@ void check_zeros(const Rows& rows, std::vector<std::string>& warnings) {
         zero.size(), zero.front()->line, moving, n));
 }
 
-// Labels that are late, or early, by some rows: a straight line through the channels of other rows fits them far better.
+// Warns of labels that are late or early: a straight line through the channels some rows away fits far better.
 void check_lag(const Rows& rows, std::vector<std::string>& warnings) {
     const auto n = std::min(kMaxRows, Eigen::Index(rows.size())), m = Eigen::Index(rows.front()->channel.size()) + 1;
     const Wrench full_scale = full_scales(rows);
@@ -188,7 +188,7 @@ void check_lag(const Rows& rows, std::vector<std::string>& warnings) {
     }
 }
 
-// Times that go backwards in a session, and times in milliseconds.
+// Warns of times that go backwards in a session, and of times in milliseconds.
 void check_times(const Labelled& labelled, const Rows& rows, std::vector<std::string>& warnings) {
     std::map<std::size_t, std::uint64_t> latest_ns;  // by session
     const LabelledRow* first = nullptr;
@@ -204,7 +204,7 @@ void check_times(const Labelled& labelled, const Rows& rows, std::vector<std::st
             "t_s goes backwards at {}:{}{}: if the rows of one recording are not in the order of time, sort them "
             "by t_s; if another recording begins there, name both in a column \"session\"",
             labelled.name, first->line, backwards > 1 ? fmt::format(" and in {} rows after that", backwards - 1) : ""));
-        return;  // the intervals of rows out of order say nothing about the unit
+        return;  // intervals of rows out of order do not show the unit
     }
     std::vector<double> interval_s;
     for (std::size_t i = 1; i < rows.size(); ++i)
@@ -217,7 +217,7 @@ void check_times(const Labelled& labelled, const Rows& rows, std::vector<std::st
         fmt::format("the rows are {:.3g} s apart by t_s, which is in seconds: are these times in milliseconds?", median_s));
 }
 
-// A recording in which a load is never reduced, except to nothing, cannot show hysteresis.
+// A recording in which a load is never reduced, except to 0, cannot show hysteresis.
 void check_unloading(const Rows& rows, std::vector<std::string>& warnings) {
     const Wrench full_scale = full_scales(rows);
     const auto load_of_row = [&](const LabelledRow& row) {

@@ -1,4 +1,4 @@
-// Checks of a labelled recording for mistakes of its maker that a fit would only show as a large error.
+// Checks a labelled recording for mistakes that a fit would only show as a large error.
 #pragma once
 #include <string>
 #include <vector>

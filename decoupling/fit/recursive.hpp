@@ -26,8 +26,8 @@ private:
 
     Eigen::VectorXd start_, row_, right_;  // R coefficient = right
     Eigen::MatrixXd r_;
-    double root_;  // kHold^2 per coefficient, balanced by the part forgotten until its next addition
-    double hold_;  // kHold^2 a coefficient, balanced by what is forgotten until its turn comes again
+    double root_;  // square root of the factor by which the weight of earlier rows decreases with each row
+    double hold_;  // keeps kHold^2 per coefficient: replaces the part that is forgotten until its next addition
     Eigen::Index next_ = 0;
 };
 

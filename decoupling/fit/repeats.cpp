@@ -9,7 +9,7 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kHeldRows = 20, kRowsNeeded = 200;
-// A run of so many readings that fills half of the time for which the load was held has no end that was seen.
+// If a run of at least this many readings fills half of the time of a load, the end of the run was not observed.
 constexpr int kEndlessRun = 10;
 
 // Returns 0 if there is no interval.

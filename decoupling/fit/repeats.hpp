@@ -4,9 +4,8 @@
 
 namespace tactiled {
 
-// Looks at stretches of 20 or more rows that follow each other in the file under one load. Unknown where these are fewer
-// than 200 rows together: loads that were averaged, or that move all the time, do not tell how a reading at rest repeats.
-// setup
+// Evaluates stretches of 20 or more consecutive rows of the file under one load. The result is unknown if they have fewer
+// than 200 rows together, because averaged or moving loads do not show how a reading at rest repeats. setup
 Repeats repeats_of(const Rows& rows);
 
 }  // namespace tactiled

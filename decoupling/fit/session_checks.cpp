@@ -25,8 +25,9 @@ constexpr Unit kUnits[] = {{-1, "the sign is the other one; a press has fz < 0"}
                            {0.10197, "1 N is the weight of 0.102 kg"},
                            {1000, "1 N is 1000 mN"},
                            {0.22481, "1 N is 0.225 lbf"}};
-// Errors of straight lines relative to the labels' spread: of one for each session at most, of one for both sessions from
-// which on they contradict each other, and from which on they are not calibrated together; over the error of one for each.
+// Errors of straight lines, relative to the labels' spread. kAlone: maximum for one session. kContradicts, kRefused: errors
+// of one line through two sessions from which they contradict each other, and are refused. kTimesAlone: minimum ratio to the
+// errors of a line each.
 constexpr double kAlone = 0.5, kContradicts = 0.3, kRefused = 0.5, kTimesAlone = 2;
 
 struct Data {
@@ -47,7 +48,6 @@ Data data_of(const Rows& rows, std::size_t c) {
     return data;
 }
 
-// The range of the first channel.
 double width(const Data& data) { return data.x.col(0).maxCoeff() - data.x.col(0).minCoeff(); }
 
 // "session \"1\" (from a.csv:2 on)"
@@ -61,7 +61,7 @@ struct Factor {
 };
 
 // Returns the factor between the labels of session `there` and those that the straight line of `here` gives for its
-// readings; nothing if that line does not predict them but for a factor.
+// readings; nullopt if the line does not predict them up to a factor.
 std::optional<Factor> factor_between(const Rows& here, const Rows& there, std::size_t c) {
     if (here.size() < kFewestRows || there.size() < kFewestRows) return std::nullopt;
     const Data before = data_of(here, c), after = data_of(there, c);
@@ -84,8 +84,8 @@ void refuse_or_warn(const Contradictions& found, const std::string& text, std::v
     warnings.push_back(text);
 }
 
-// Sessions whose labels are in another unit than those of the others, or have another sign: the straight line of one
-// session predicts the other but for this factor.
+// Finds sessions whose labels have another unit or another sign than the others: the straight line of one session predicts
+// the other session except for this factor.
 void check_units(const Labelled& labelled, const std::vector<Rows>& of_session, std::vector<std::string>& warnings) {
     for (std::size_t c = 0; c < 6; ++c) {
         const auto either = [&](std::size_t a, std::size_t b) {
@@ -118,8 +118,8 @@ void check_units(const Labelled& labelled, const std::vector<Rows>& of_session, 
     }
 }
 
-// Sessions with the sensor turned, or with two channels exchanged. Spare channels, and gains that differ between the
-// sessions, hide both from a straight line through two sessions, but not from the line of one of them.
+// Finds sessions with a rotated sensor or with two exchanged channels. Spare channels, and gains that differ between the
+// sessions, hide both from a straight line through two sessions, but not from the line of one session.
 void check_orders(const Labelled& labelled, const std::vector<Rows>& of_session, const std::vector<std::size_t>& components,
                   std::vector<std::string>& warnings) {
     std::vector<std::optional<SessionMoments>> moments;
@@ -150,7 +150,7 @@ void check_orders(const Labelled& labelled, const std::vector<Rows>& of_session,
 
 // The straight line through the readings of one session and its error.
 struct Line {
-    Data data;  // less their means
+    Data data;  // minus their means
     double rms = 0;
 };
 
@@ -176,7 +176,7 @@ std::optional<Line> line_of(const Rows& rows, std::size_t c) {
     return line;
 }
 
-// Returns the error of one straight line through both sessions, whatever their zeros.
+// Returns the error of one straight line through both sessions, with separate zeros.
 std::optional<double> rms_of_both(const Line& one, const Line& other, double& spread) {
     Data both{Eigen::MatrixXd(one.data.x.rows() + other.data.x.rows(), one.data.x.cols()),
               Eigen::VectorXd(one.data.x.rows() + other.data.x.rows())};
@@ -186,7 +186,7 @@ std::optional<double> rms_of_both(const Line& one, const Line& other, double& sp
     return rms_of_line(both);
 }
 
-// Two sessions whose readings follow their loads along another straight line each: what one of them shows is wrong for
+// Finds two sessions whose readings follow their loads along different straight lines, so that the line of each is wrong for
 // the other, even with its own zero.
 void check_agreement(const Labelled& labelled, const std::vector<Rows>& of_session, const Wrench& full_scale,
                      std::vector<std::string>& warnings) {

@@ -16,14 +16,14 @@ namespace {
 constexpr double kGainsDiffer = 1e-3;
 constexpr double kAlone = 0.5;   // error of a session's own line, relative to the spread of the labels
 constexpr double kLoaded = 0.3;  // spread of a label over that in the other session
-// Least eigenvalue of the correlations of the labels. 25 random loads of six axes have 0.26; fewer loads than axes: 0.
+// Minimum eigenvalue of the correlations of the labels. 25 random loads of six axes have 0.26; fewer loads than axes: 0.
 constexpr double kIndependent = 0.05;
-// Error of a component under the line of the other session, whatever its gain; of it from all components of that line over
-// this one. Gains of 3 % and zeros of 5 % gave at most 0.6 on made sensors whose own line errs by less than kAlone.
+// kTurned: error of a component by the line of the other session, for any gain. kFromOthers: error by all components of that
+// line, relative to kTurned's. Gains of 3 % and zeros of 5 % gave at most 0.6 on simulated sensors with errors below kAlone.
 constexpr double kTurned = 0.75, kFromOthers = 0.5;
-// Error with two channels exchanged over that without, in both directions; the errors of labels and of channels without.
-// Right sessions gave 0.76 or more for the labels and 0.9 or more for the channels where the channels determine the
-// labels: the mean error of a session's own line is below kDetermined. Four pressure-dependent resistors, 0.4, gave less.
+// kExchanged: error with two channels exchanged over error without, in both directions. kMatters, kChannelMatters: minimum
+// errors without the exchange. Correct sessions gave at least 0.76 for labels and 0.9 for channels, if the mean error of a
+// session's own line is below kDetermined. Four pressure-dependent resistors, 0.4, gave less.
 constexpr double kExchanged = 0.65, kDetermined = 0.35, kMatters = 0.1, kChannelMatters = 0.05;
 // Channels with a greater correlation differ by less than 14 % of their spread: gains of 3 % look like their exchange.
 constexpr double kTwins = 0.99;
@@ -113,7 +113,7 @@ std::optional<Disagreement> exchanged(const SessionMoments& a, const SessionMome
     return std::nullopt;
 }
 
-// For each component: the line of `here` does not predict it in `there`, but its other components do.
+// Components that the line of `here` does not predict in `there`, although its other components do.
 struct Turned {
     std::vector<bool> component;
     double error = 0;  // mean of all comparable components, predicted from all
@@ -185,7 +185,7 @@ std::optional<SessionMoments> moments_of(const Rows& rows, const std::vector<std
                            .error = {}};
     if (!(moments.xx.diagonal().minCoeff() > 0) || !(moments.yy.diagonal().minCoeff() > 0)) return std::nullopt;
     moments.line = solve(moments.xx, moments.xy);
-    // A row of the inverse, divided by its diagonal, is the channel less its line through the others.
+    // A row of the inverse, divided by its diagonal, is the channel minus its line through the others.
     moments.residual = solve(moments.xx, Eigen::MatrixXd::Identity(channels, channels));
     const Eigen::VectorXd diagonal = moments.residual.diagonal();
     moments.residual.array().colwise() /= diagonal.array();

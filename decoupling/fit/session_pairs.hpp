@@ -12,12 +12,12 @@ namespace tactiled {
 struct SessionMoments {
     Eigen::MatrixXd xx, xy, yy;  // channels with channels, channels with labels, labels with labels
     Eigen::MatrixXd line;        // channels x labels: the straight line of this session
-    Eigen::MatrixXd residual;    // channels x channels: row k is channel k less its straight line through the others
-    Eigen::VectorXd error;       // this line's, relative to the spread of the labels
+    Eigen::MatrixXd residual;    // channels x channels: row k is channel k minus its straight line through the others
+    Eigen::VectorXd error;       // error of this line, relative to the spread of the labels
 };
 
-// Returns true if the session has too few different loads, or loads that go together, so that a line through it may take
-// one axis for another. `components`: indices in a wrench.
+// Returns true if the session has too few different loads, or loads that vary together, so that a line through the session
+// may confuse axes. `components`: indices in a wrench.
 bool loads_go_together(const Rows& rows, const std::vector<std::size_t>& components);
 
 // Returns nothing if the rows are too few for a straight line, or a label or a channel is constant.
@@ -25,14 +25,14 @@ std::optional<SessionMoments> moments_of(const Rows& rows, const std::vector<std
 
 // A reason why two sessions contradict each other.
 struct Disagreement {
-    bool exchanged;    // two channels; else the sensor was turned, or the labels were
-    std::size_t a, b;  // these channels; else `a` is the place of a label in `components`
-    double error;      // the line of one session in the other, once corrected; relative to the spread of the labels
+    bool exchanged;    // two channels were exchanged; otherwise the sensor or the labels were rotated
+    std::size_t a, b;  // the channels; otherwise `a` is the place of a label in `components`
+    double error;      // error of a session's line in the other one after the correction, relative to the labels' spread
 };
 
-// Returns the reason, or nothing if there is none. Turned: the line of either session says nothing about a label of the
-// other, or the opposite, but its other components do. Exchanged: with two channels exchanged back, the lines of both
-// sessions err far less in the other one, or predict its channels from each other far better.
+// Returns the reason, or nullopt. Turned: the line of each session does not predict a label of the other, or predicts the
+// opposite, although its other components do. Exchanged: with two channels exchanged back, the lines of both sessions have
+// far smaller errors in the other session, or predict its channels far better.
 std::optional<Disagreement> disagreement(const SessionMoments& one, const SessionMoments& other);
 
 }  // namespace tactiled

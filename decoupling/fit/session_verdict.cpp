@@ -10,7 +10,7 @@ namespace {
 
 using Pair = std::pair<std::size_t, std::size_t>;
 
-constexpr std::size_t kPartners = 6;  // sessions that follow, with which each is compared
+constexpr std::size_t kPartners = 6;  // number of the following sessions with which each session is compared
 
 // "1", "1 and 2", "1, 2 and 3"
 std::string names(const Labelled& labelled, const std::vector<std::size_t>& sessions) {

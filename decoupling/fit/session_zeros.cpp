@@ -16,7 +16,7 @@ constexpr double kRest = 0.02;      // relative to each component's full scale
 constexpr double kStraight = 0.02;  // relative to a channel's width: allowed residual of the affine map of the labels
 constexpr double kLower = 0.7;      // error with own zeros over error with one zero
 constexpr double kExplains = 0.3;   // relative to the labels' spread
-constexpr double kWorth = 1e-4;     // relative to full scale: a smaller difference is no reason
+constexpr double kWorth = 1e-4;     // relative to full scale: a smaller difference does not count
 constexpr std::size_t kParts = 10;  // groups of sessions to leave out
 constexpr int kRounds = 3;
 constexpr double kFarOff = 10;  // relative to the median residual of the zeros
@@ -28,7 +28,7 @@ struct Data {
     Eigen::RowVectorXd full_scale, width;
 };
 
-// Returns the rows that have every label that occurs at all.
+// Returns the rows that have all labels of the recording.
 Data data_of(const Labelled& labelled, const Rows& rows) {
     Data data;
     std::vector<std::size_t> components;

@@ -7,13 +7,12 @@
 
 namespace tactiled {
 
-// Determines the zero of each session from its rows at rest or, if not every session has some, from all of its rows
-// by channels = zero of the session + gains * labels; also their scatter, and whether a zero for each session lowers
-// the error of an affine map on left-out sessions to less than 0.7 of that with one zero. A left-out session keeps
-// its own zero, as after a tare. setup
+// Determines the zero of each session from its rows at rest or, if not every session has some, from all of its rows by
+// channels = zero of the session + gains * labels; also their scatter. A session has its own zero if that reduces the error
+// of an affine map on left-out sessions to less than 0.7. A left-out session keeps its own zero, as after a tare. setup
 SessionZeros session_zeros(const Labelled& labelled, const Rows& rows, FitRequest::Zeros requested);
 
-// Subtracts the offset of its session from each channel. Sessions without rows are unchanged.
+// Subtracts the offset of the session from each channel. Sessions without rows are unchanged.
 void take_zeros_off(const SessionZeros& zeros, Labelled& labelled);
 
 // Returns the sd of each channel's zero that the fits have to allow for: the stated one, else that of the sessions;

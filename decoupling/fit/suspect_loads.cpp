@@ -22,7 +22,7 @@ constexpr std::ptrdiff_t kBefore = 3;   // number of loads before and after, who
 constexpr double kSlow = 0.7;           // scatter without over scatter with the slow part; below this it is subtracted
 constexpr std::ptrdiff_t kAround = 15;  // number of loads before and after that define the local size of errors
 constexpr std::size_t kNeighbours = 5;  // number of nearest loads in the channels
-constexpr std::size_t kMaxCandidates = 20'000;  // loads among which they are looked for, evenly over the recording
+constexpr std::size_t kMaxCandidates = 20'000;  // number of loads among which they are searched, evenly over the recording
 constexpr double kShared = 0.5;                 // share of its error that the neighbours have, too
 constexpr double kBeyond = 0.02;                // relative to full scale
 constexpr double kBends = 2, kNearEnd = 0.9;
@@ -130,7 +130,7 @@ std::vector<double> lengths_of(const std::vector<std::vector<double>>& z) {
     return {length.data(), length.data() + n};
 }
 
-// Returns the end of the tail of these numbers.
+// Returns the limit above which a number is in the tail.
 double limit_of(const std::vector<double>& sizes) {
     const double half = quantile(sizes, 0.5), most = quantile(sizes, 0.9);
     if (!(half > 0)) return std::max(kLeast, most);
@@ -248,7 +248,7 @@ Found suspects_of(const std::vector<Load>& loads, const std::vector<std::size_t>
         found.suspected[l] = matters && (greatest[l] > of_greatest || together[l] > of_all);
         found.stays[l] = std::max(greatest[l] / of_greatest, together[l] / of_all) < kSurely;
     }
-    // Some of them are in a nonlinear range of the sensor: the loads around them share the error.
+    // Loads in a nonlinear range of the sensor are not wrong: the loads around them share the error.
     const std::vector<bool> first = found.suspected;
     for (std::size_t l = 0; l < loads.size(); ++l) {
         if (!first[l]) continue;

@@ -24,7 +24,7 @@ struct Found {
     std::vector<bool> suspected;  // its error is large, and the loads around do not share it
     // not left out: its error exceeds the limit slightly, or its load is at the end of the range
     std::vector<bool> stays;
-    std::vector<std::size_t> component;  // the one that disagrees most
+    std::vector<std::size_t> component;  // the component with the largest disagreement
     std::size_t bent = 0;                // number of loads with a large error that the loads around share
 };
 

@@ -19,7 +19,7 @@ constexpr double kDefaultGaugeFactor = 2;  // for Ni-Cr
 constexpr std::array<Parameter, 1> kBeforehand{
     {{"gauge_factor", "channel_unit per strain", kAboveZero, kLargest, kDefaultGaugeFactor}}};
 
-constexpr std::size_t kFewestAtRest = 5;  // number of rows without load from which on they define the zero
+constexpr std::size_t kFewestAtRest = 5;  // minimum number of rows without load that define the zero
 
 struct Loaded {
     InfluenceMap::At at;
@@ -27,8 +27,8 @@ struct Loaded {
     const LabelledRow* row;
 };
 
-// Returns the variance of a gauge that a point, its force and the gain error do not explain, which the search takes
-// for noise. It is the median of the rows: the mean would be dominated by the largest loads and hide small ones.
+// Returns the variance of a gauge that a point, its force and the gain error do not explain, which the search treats as
+// noise. It is the median of the rows: the mean would be dominated by the largest loads and hide small ones.
 double unexplained_variance(const std::vector<Loaded>& loaded, const std::vector<double>& scale,
                             const std::vector<double>& zero) {
     const auto n = Eigen::Index(scale.size());

@@ -73,7 +73,7 @@ PlayOperators fit_play_operators(const std::vector<double>& input, Track& track,
     return operators;
 }
 
-// bend[0] load + bend[1] load^2 / most + bend[2] load^3 / most^2
+// bend[0] load + bend[1] load^2 / max + bend[2] load^3 / max^2
 double bent(double load, double max, const Eigen::Vector3d& bend) {
     const double share = load / max;
     return load * (bend[0] + share * (bend[1] + share * bend[2]));
@@ -83,7 +83,7 @@ void fit_table_nonlinear(const Rows& rows, Calibration& calibration, std::vector
     fit_table_linear(rows, calibration, warnings);
     calibration.tables.clear();
     const Rows whole = rows_with(rows, calibration.components);
-    const auto linear = decoupler_of_fit(calibration, "nonlinear");  // it has no curve and no play operators yet
+    const auto linear = decoupler_of_fit(calibration, "nonlinear");  // still without curve and play operators
     std::array<Track, 3> track;                                      // Fx Fy N
     for (std::size_t i = 0; i < whole.size(); ++i) {
         const Estimate estimate = linear->decouple({.channel = whole[i]->channel});
@@ -106,7 +106,7 @@ void fit_table_nonlinear(const Rows& rows, Calibration& calibration, std::vector
     for (std::size_t i = 0; i < kPlayOperators; ++i)
         thresholds.push_back(span / 2 * std::pow(double(i) / double(kPlayOperators), 1.5));
     // Curve and play operators of the press together, with a smooth curve. If the loads stay above 0 after the first
-    // contact, a curve with free knots takes the effect of the history for a jump between rest and the smallest load,
+    // contact, a curve with free knots interprets the effect of the history as a jump between rest and the smallest load,
     // and every first load has an error (3 % of full scale, with a stated standard deviation of 0.6 %).
     Eigen::Vector3d bend(1, 0, 0);
     Eigen::VectorXd more;

@@ -52,7 +52,7 @@ double held_out(const Eigen::MatrixXd& a, const Eigen::VectorXd& b) {
         std::vector<Eigen::Index> seen, unseen;
         for (Eigen::Index i = 0; i < n; ++i)
             (std::size_t(i) * kStretches / std::size_t(n) == s ? unseen : seen).push_back(i);
-        // A matrix of its own: the product would copy the indices for each row.
+        // A separate matrix, because the product would copy the indices for each row.
         const Eigen::MatrixXd left_out = a(unseen, Eigen::all);
         const Eigen::VectorXd error = b(unseen) - left_out * dense::solve_by_qr(a(seen, Eigen::all), b(seen));
         squares += error.squaredNorm();

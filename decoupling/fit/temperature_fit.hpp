@@ -7,9 +7,9 @@
 
 namespace tactiled {
 
-// Takes each row of `labelled` back to the reference temperature, where the rows cover at
-// least 2 K and the temperature lowers the error of a quadratic forward model on held-out stretches; and returns what it
-// took off; else returns none and says why. setup
+// Corrects each row of `labelled` to the reference temperature and returns the correction, if the rows cover at least 2 K
+// and the temperature lowers the error of a quadratic forward model on held-out stretches. Otherwise returns none and adds
+// the reason to `warnings`. setup
 Temperature take_temperature_off(const Rows& rows, Labelled& labelled, const Calibration& calibration,
                                  std::vector<std::string>& warnings);
 

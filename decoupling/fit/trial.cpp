@@ -19,8 +19,8 @@ double mean_part(const Wrench& error, const FitReport& report) {
     return sum / double(report.components.size());
 }
 
-// A tare takes the zero of a mounting off the force, not off the channels: where the method is not straight, the load is
-// another one then. Widens the errors and the standard deviations by that.
+// A tare subtracts the zero of a mounting from the force and not from the channels, so a nonlinear method then gives another
+// load. Increases the errors and the standard deviations by that.
 void include_tares(const Rows& rows, const SessionZeros& zeros, Trial& trial) {
     Calibration& calibration = trial.calibration;
     const std::size_t n = calibration.channels.size();
@@ -87,8 +87,8 @@ void validate_once(const Labelled& labelled, const Rows& rows, const ZeroDrift& 
 }
 
 // Removes the correction of the components whose held-out error it does not lower: its rows in the tables with a row per
-// component. The search of the fit leaves out other rows than the validation where there is one session, and it does not
-// contain tares. Returns a warning if it removed one, else "".
+// component. With one session, the search of the fit leaves out other rows than the validation, and it does not include
+// tares. Returns a warning if it removed one, else "".
 std::string keep_part_where_worse(const FitReport& report, Trial& trial) {
     std::string kept;
     for (std::size_t i = 0; i < report.components.size(); ++i) {

@@ -17,25 +17,26 @@ namespace tactiled {
 namespace {
 
 constexpr double kWithinOne = 0.6827;  // share of normal errors within one standard deviation
-// Other shares of normal errors, the corresponding number of standard deviations, and the number of errors from which
-// on the quantile does not depend on a single row.
+// Other shares of normal errors, the corresponding number of standard deviations, and the minimum number of errors for a
+// quantile that does not depend on a single row.
 struct Tail {
     double share, sds;
     std::size_t errors;
 };
 constexpr Tail kTails[] = {{kWithinOne, 1, 8}, {0.95, 1.96, 40}, {0.99, 2.576, 200}};
-constexpr std::size_t kRowsOfAGroup = 10;  // number of rows from which on the root mean square of a group counts
+constexpr std::size_t kRowsOfAGroup = 10;  // minimum number of rows of a group whose root mean square counts
 // Slopes of an error that grows with its component, with the load, and with the distance from the greatest load since the
 // last rest: its standard deviation is
 // s sqrt(1 + (slope |estimate| / full scale)^2 + (load slope load)^2 + (unloading (peak - load))^2).
 constexpr double kSlopes[] = {0, 0.5, 1, 2, 4, 8, 16, 32};
-constexpr double kLoadSlopes[] = {0, 0.5, 1, 2, 4, 8};  // rows at rest are few: at least a ninth remains there
+constexpr double kLoadSlopes[] = {0, 0.5, 1, 2, 4, 8};  // limited, because few rows are at rest: the sd at rest is at least
+                                                        // a ninth
 constexpr double kUnloadings[] = {0, 0.5, 1, 2, 4, 8};
 // Unloading counts if it makes the standard deviations this much smaller: less may be chance.
 constexpr double kWorth = 0.95;
 
 struct Error {
-    // squares of |estimate| / full scale, of the load, and of its peak since the last rest less the load, 0 .. 1
+    // squares of |estimate| / full scale, of the load, and of its peak since the last rest minus the load, 0 .. 1
     double share, load, below_peak;
     double size;
     std::size_t group;
@@ -55,7 +56,7 @@ struct Ratio {
     double size, ratio;
 };
 
-// Returns the value of s that has `tail.share` of the errors within `tail.sds` standard deviations. Reorders them.
+// Returns the value of s that has `tail.share` of the errors within `tail.sds` standard deviations. Reorders `ratios`.
 double scale_for(std::span<Ratio> ratios, const Tail& tail) {
     const auto at = std::min(ratios.size() - 1, std::size_t(std::ceil(tail.share * double(ratios.size()))));
     std::nth_element(ratios.begin(), ratios.begin() + std::ptrdiff_t(at), ratios.end(),
@@ -72,7 +73,7 @@ std::vector<Ratio> ratios_of(const std::vector<Error>& errors, const Shape& shap
     return ratios;
 }
 
-// Returns the smallest s that holds for all of them. Reorders them.
+// Returns the smallest s that is valid for all `ratios`, which are reordered.
 double scale_for(std::span<Ratio> ratios) {
     double needed = 0;
     for (const Tail& tail : kTails)
@@ -80,15 +81,15 @@ double scale_for(std::span<Ratio> ratios) {
     return needed;
 }
 
-// Returns the smallest s that holds for all of them, and for the first `loaded` by themselves: a recording that rests most
-// of the time would otherwise state the errors at rest. Reorders them.
+// Returns the smallest s that is valid for all `ratios` and for the first `loaded` of them: a recording that rests most of
+// the time would otherwise state the errors at rest. Reorders `ratios`.
 double scale_for_all_and(std::size_t loaded, std::span<Ratio> ratios) {
     const double of_loaded = scale_for(ratios.first(loaded));
     return std::max(of_loaded, scale_for(ratios));
 }
 
-// Returns the smallest s that holds for each quarter of them, from the smallest to the largest standard deviation: a shape
-// that is too small for light loads is no gain. Reorders them.
+// Returns the smallest s that is valid for each quarter of `ratios`, from the smallest to the largest standard deviation, so
+// that a shape that is too small for light loads is no gain. Reorders `ratios`.
 double scale_for_quarters(std::span<Ratio> ratios) {
     const std::size_t n = ratios.size(), half = n / 2;
     const auto split = [](std::span<Ratio> part, std::size_t at) {
@@ -213,7 +214,7 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
                 // A slope alone is too small where the component is 0 under a load of the others.
                 const bool depends_on_others = slope > 0 && calibration.components.size() > 1;
                 if (needed < largest && (depends_on_others || load > 0 || unloading > 0)) {
-                    // Anew: loaded rows first.
+                    // Computed again, because scale_for() has changed the order: loaded rows first.
                     ratios = ratios_of(errors, other), ratios_tared = ratios_of(tared, other);
                     needed = std::max(
                         {needed, scale_for_quarters_and(loaded, ratios), scale_for_quarters_and(loaded, ratios_tared)});

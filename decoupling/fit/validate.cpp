@@ -94,7 +94,7 @@ Rows pointers_to(const std::vector<LabelledRow>& rows) {
     return result;
 }
 
-// Estimates them together with the original rows.
+// Estimates copies with random zeros together with the original rows.
 std::vector<HeldOut> estimates_with_random_zeros(const Calibration& calibration, const Rows& rows,
                                                  const std::vector<double>& drift, std::size_t group) {
     const auto copies = with_random_zeros(rows, drift, 1, 1000 + group);
@@ -127,11 +127,11 @@ Part hold_out_group(const Labelled& labelled, const Rows& rows, const Groups& gr
             return part;
         }
     Calibration calibration = whole;
-    std::vector<std::string> of_this_part;  // about this part only: not worth repeating
+    std::vector<std::string> of_this_part;  // warnings about this part only, which are not reported
     try {
         set_domain(seen, calibration);
         fit_with_drift(method, seen, drift.sd, calibration, of_this_part);
-        // Any number: it shows for which readings the method itself states none.
+        // Any value will do: it shows for which readings the method states no standard deviation.
         calibration.sd.assign(calibration.components.size(), 1);
         part.rows = method.remembers ? estimates(calibration, unseen, labelled.rows, part.has_sd)
                                      : estimates(calibration, unseen, part.has_sd);
@@ -186,7 +186,7 @@ Wrench error_of(Decoupler& decoupler, const LabelledRow& row) {
 Wrench rms_error(const Calibration& calibration, const Rows& rows) { return rms_of(estimates(calibration, rows)); }
 
 std::map<std::size_t, Wrench> errors_at_rest(const Calibration& calibration, const Rows& rows) {
-    constexpr std::size_t kEnough = 3;  // fewer: chance
+    constexpr std::size_t kEnough = 3;  // fewer may be chance
     std::map<std::size_t, std::pair<Wrench, std::size_t>> sums;
     for (const HeldOut& one : estimates(calibration, rows)) {
         if (!(load_of(one.row->wrench_S, calibration) < LoadPeak::kRest)) continue;

@@ -34,7 +34,7 @@ struct Validation {
     std::vector<std::size_t> group;  // group of each of `rows`
     std::vector<bool> has_sd;        // false: the method states no standard deviation for such a reading
     bool by_sessions = false;        // each group is a session
-    // The mean error at rest of the fit of all rows, of a session, which a tare subtracts; empty = unknown.
+    // Mean error at rest of each session, by the fit of all rows, which a tare subtracts; empty = unknown.
     std::map<std::size_t, Wrench> at_rest;
     // The same rows with random zeros, if the user states a drift: the standard deviation then holds for these.
     std::vector<HeldOut> drifted;

@@ -3,12 +3,12 @@
 //     matrix:      wrench[c] = sum over k of M[c][k] * r[k],    r[k] = channel[k] - zero[k]
 //     quadratic, rbf, mlp:      the same + g(u),    u[k] = r[k] / width[k]
 //
-// The sum of `matrix` runs from k = 0 upwards into one double that starts at 0, with every product and every sum
-// rounded once (no fused multiply-add, no reordering), so that a user can recompute a force from the calibration file
-// to its last bit.
+// The sum of `matrix` runs from k = 0 upwards into one double that starts at 0, with every product and every sum rounded
+// once (no fused multiply-add, no reordering), so that a user can recompute a force from the calibration file to its last
+// bit.
 //
-// The matrix of the corrected methods is the best affine map by itself, and g corrects its residual. Outside of the
-// domain g keeps its value at the nearest point inside: the force continues linearly, whatever g would do there.
+// The matrix of the corrected methods is the best affine map, and g corrects its residual. Outside of the domain g keeps its
+// value at the nearest point inside: the force continues linearly.
 #include "decoupling/generic/methods.hpp"
 
 namespace tactiled {

@@ -24,7 +24,7 @@ inline constexpr KnownTable kWidth{"width", 1, kPerChannel};
 
 // Recorded by the fit: the factor by which the weight of old rows decreases. The loop does not use it.
 inline constexpr Parameter kForget{"forget", "weight of a row over that of the next one", 0.5, 1, 1};
-// Recorded by the fit, too.
+// Recorded by the fit and not used by the loop.
 inline constexpr Parameter kSeed{"seed", "of the random starts of the fit; reported, not used", 0, 4503599627370496, 1};
 
 // Returns the decoupler of `method`: the matrix of the calibration and, if it is not nullptr, a correction. Returns

@@ -10,7 +10,7 @@ namespace {
 constexpr double kMax_N = 1e6;  // a larger press is a fault, and its square may overflow
 // 6 sd in two samples in a row: less than one false contact in 1e17 samples
 constexpr double kOnNoises = 6, kOffNoises = 4;
-constexpr double kOnOverOff = 1.2;  // the least ratio of the two thresholds, whatever is configured
+constexpr double kOnOverOff = 1.2;  // minimum ratio of the two thresholds
 constexpr int kInARow = 2;          // a single outlier is no contact
 constexpr std::uint64_t kBucket_ns = 20'000'000;
 // after a contact, for the filters and the quick part of a skin's relaxation
@@ -98,7 +98,7 @@ void Contact::learn_zero(const Eigen::Vector3d& raw_N) noexcept {
     if (free_since_ns_ > 0 && observation_.t_ns - free_since_ns_ < kSettles_ns) return;
     if (filling_.n == 0) bucket_ns_ = observation_.t_ns;
     for (int k = 0; k < 3; ++k)
-        if (std::isfinite(raw_N[k])) filling_.sum_N[k] += raw_N[k];  // a component that the sensor cannot see has no zero
+        if (std::isfinite(raw_N[k])) filling_.sum_N[k] += raw_N[k];  // a component that is not measured has no zero
     if (++filling_.n > 1 && observation_.t_ns - bucket_ns_ >= kBucket_ns) close_bucket();
 }
 
@@ -109,7 +109,7 @@ void Contact::close_bucket() noexcept {
     if (oldest.n == 0) return;
     const Eigen::Vector3d mean = oldest.sum_N / oldest.n;
     const double elapsed_s = double(observation_.t_ns - zero_ns_) * 1e-9;
-    // a negative press, as no jaw pulls: its zero was taken under a press
+    // jaws do not pull, so a negative press shows a zero that was taken under a press
     const bool pulls = mean.z() - zero_N_.z() > setup_.contact_on_N;
     if (!zero_known_ || buckets_ == 0 || pulls) {
         zero_N_ = mean;
@@ -122,7 +122,7 @@ void Contact::close_bucket() noexcept {
         const double max_N = buckets_ <= kNewZero ? kMax_N : kDrift_1_s * setup_.contact_off_N * double(kBucket_ns) * 1e-9;
         zero_N_ += (part * off).cwiseMax(-max_N).cwiseMin(max_N);
         buckets_ = std::min(buckets_, 1000);
-        if (elapsed_s < 1) {  // a difference from the mean of 0.3 s arose in about that time
+        if (elapsed_s < 1) {  // such a difference from the mean of 0.3 s took about that time
             const Eigen::Vector3d square = (off.array() * off.array() / kZeroTime_s).matrix();
             walk_N2_s_ += std::max(1.0 / buckets_, 0.02) * (square - walk_N2_s_);
         }

@@ -21,8 +21,8 @@ class Contact {
 public:
     explicit Contact(const JawSetup& setup) : setup_(setup) {}
 
-    // Returns false if the sample has no value or is older than the last one, which `observation()` then reports. rt:
-    // wait-free
+    // Returns false if the sample has no value or is older than the last one, which `observation()` then reports.
+    // rt: wait-free
     bool take(const JawSample& sample) noexcept;
 
     // Records that the robot or a user reports an empty gripper.
@@ -34,10 +34,10 @@ public:
     [[nodiscard]] bool left_at_once() const noexcept { return left_at_once_; }
     // Returns one sd of a sample, from the free phase; 0 = not known yet.
     [[nodiscard]] double noise_N(int axis) const noexcept { return noise_N_[axis]; }
-    // Returns one sd of the zero's random walk since the free phase; infinite if a discontinuity came and no free
-    // phase after it.
+    // Returns one sd of the zero's random walk since the free phase; infinite after a discontinuity until the next free
+    // phase.
     [[nodiscard]] Eigen::Vector3d zero_sd_N() const noexcept;
-    // Time since the zero was last learnt; 0 = not learnt yet.
+    // Time since the zero was last learned; 0 = never.
     [[nodiscard]] double zero_age_s() const noexcept;
 
 private:

@@ -7,12 +7,12 @@ namespace tactiled::grasp {
 namespace {
 
 constexpr double kDead = 0.25;        // part of the load that follows from the other jaws
-constexpr double kSeen = 6;           // in sd of a sensor: a smaller load decides nothing
+constexpr double kSeen = 6;           // in sd of a sensor: a smaller load is not evaluated
 constexpr double kNoises = 3;         // the tolerance of a share grows by this many sd of a sensor
 constexpr double kFaces = -0.2;       // largest cosine between the normals of two jaws that hold an object between them
 constexpr double kPressLeaks = 0.01;  // sd of the shear that a press causes in the reading; kLeak is its largest value
-constexpr double kUnseen_N2 = 1e12;   // variance of a component that the sensor cannot see
-constexpr double kExplains = 0.85;    // least cosine between a jaw's normal and the force that its error would explain
+constexpr double kUnseen_N2 = 1e12;   // variance of a component that the sensor does not measure
+constexpr double kExplains = 0.85;    // minimum cosine between a jaw's normal and the force that its error would explain
 
 // The load on a jaw along its axis, minus the rest before the lift where that was observed; NaN where the sensor does
 // not measure it.

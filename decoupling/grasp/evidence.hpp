@@ -25,13 +25,12 @@ struct Shares {
     std::array<double, kMaxJaws> off{};  // (load - expected load) / mean load of a jaw
     double max_off = 0;                  // the largest |off - reference|
     std::uint32_t jaws = 0;              // bit n: jaw n contradicts the others by more than the tolerance
-    std::uint32_t dead = 0;              // bit n: of these, jaw n has hardly any load
-    bool known = false;                  // at least two jaws carry and are seen
+    std::uint32_t dead = 0;              // bit n: jaw n is one of `jaws` and has almost no load
+    bool known = false;                  // at least two jaws carry weight and are measured
 };
 
-// Compares the loads of the jaws since the rest before the lift. `reference` is `off` of an earlier grasp or moment,
-// 0 where there is none. `tolerance` applies to |off - reference| and is increased by the sensors' own sd. rt:
-// bounded by the jaws
+// Compares the loads of the jaws since the rest before the lift. `reference` is `off` of an earlier grasp or moment, 0 where
+// there is none. `tolerance` applies to |off - reference| and is increased by the sensors' own sd. rt: bounded by the jaws
 Shares shares_of(std::span<const JawForces> jaws, std::span<const double, kMaxJaws> reference, double tolerance) noexcept;
 
 // Returns true if each jaw faces another one, so that the presses of a held object balance. rt: bounded by the jaws
@@ -47,8 +46,8 @@ struct Balance {
 };
 
 // `gravity_G` is the direction of gravity with any length. `reference_G` is off_G at the time of a known weight, and
-// `gain_sd` the relative sd of a press. `expected_N` is a permitted force, such as that of an acceleration. rt:
-// bounded by the jaws
+// `gain_sd` the relative sd of a press. `expected_N` is a permitted force, such as that of an acceleration. rt: bounded by
+// the jaws
 Balance balance_of(std::span<const JawForces> jaws, const Eigen::Vector3d& gravity_G, const Eigen::Vector3d& reference_G,
                    double gain_sd, double expected_N) noexcept;
 

@@ -29,7 +29,7 @@ Carried carried_by(const Setup& setup, const JawSetup& jaw) {
     return carried;
 }
 
-// An ideal hand: all jaws press alike, and each carries its share.
+// An ideal hand: all jaws have the same press, and each carries its share.
 class IdealHand {
 public:
     IdealHand(const Setup& setup, const std::vector<JawAccuracy>& accuracy)

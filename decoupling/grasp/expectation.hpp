@@ -1,5 +1,5 @@
-// The standard deviation of weights before anything was held: the estimator weighs an ideal grasp with the standard
-// deviations of the sensors, so that the result follows its rules.
+// The standard deviation of weights before the first grasp: the estimator weighs an ideal grasp with the standard deviations
+// of the sensors, so that the result follows its rules.
 #pragma once
 #include <array>
 #include <vector>
@@ -20,8 +20,8 @@ struct ExpectedWeight {
     double known_kg = 0;
 };
 
-// Weighs a heavy object, half of what full scale permits (0.5 kg where it is not known), and one of a fifth of it. The palm
-// looks down if gravity is not known. The result is empty if no jaw carries weight. setup: allocates
+// Weighs an object of half of the mass that full scale permits (0.5 kg if unknown), and an object of a fifth of that. The
+// palm looks down if gravity is not known. The result is empty if no jaw carries weight. setup: allocates
 std::vector<ExpectedWeight> expected_weights(Setup setup, const std::vector<JawAccuracy>& accuracy);
 
 }  // namespace tactiled::grasp

@@ -21,7 +21,7 @@ void Friction::begin() noexcept {
 }
 
 void Friction::held(double ratio) noexcept {
-    if (coefficient_ < ratio) coefficient_ = ratio;  // false while it is unknown, as a lower bound is no coefficient
+    if (coefficient_ < ratio) coefficient_ = ratio;  // false for NaN, so that a lower bound does not become the coefficient
 }
 
 void Friction::slipped(double ratio) noexcept {

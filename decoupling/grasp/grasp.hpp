@@ -48,10 +48,10 @@ struct Setup {
     bool operator==(const Setup&) const = default;
 };
 
-// Returns an upper bound of the acceleration along gravity with which the hand may swing at this frequency from the lift
-// on, and still hold a load that looks at rest at a crest of the swing, over a window of that length. At the crest the
-// load a(t) = a cos(2 pi f t) bends by a (2 pi f W)^2 / 16 between the outer and the inner quarters of the window W, and
-// the weight is judged at rest up to a relative bend. Infinite: a crest of any size looks at rest. rt: wait-free
+// Returns an upper bound of the acceleration along gravity of a swing of the hand at this frequency from the lift on, for
+// which the load may seem to be at rest at a crest of the swing, over a window of that length. At the crest the load a(t) =
+// a cos(2 pi f t) bends by a (2 pi f W)^2 / 16 between the outer and the inner quarters of the window W, and the weight is
+// judged at rest up to a relative bend. Infinite: a crest of any size looks at rest. rt: wait-free
 double max_hidden_swing_m_s2(double frequency_Hz, double weigh_window_ms) noexcept;
 
 // A taught object: its mass, and the sd of the mass from grasp to grasp.
@@ -73,7 +73,7 @@ enum class Hint : std::uint32_t { open = 0, closing = 1, closed = 2, lifting = 3
 
 class Grasp {
 public:
-    // setup: asserts 1 .. kMaxJaws jaws; `setup` was checked by who read it
+    // setup: asserts 1 .. kMaxJaws jaws; the caller has checked `setup`
     explicit Grasp(const Setup& setup);
     ~Grasp();
     Grasp(Grasp&&) noexcept;
@@ -82,8 +82,8 @@ public:
     // Processes one sample of jaw `jaw`, in the order of arrival. rt: wait-free
     void sample(std::size_t jaw, const JawSample& sample) noexcept;
 
-    // Returns the state at `now_ns`. A jaw without a sample for longer than stale_ns of its sensor got a BAD sample
-    // before.
+    // Returns the state at `now_ns`. The caller must have passed a BAD sample for a jaw without a sample for longer than
+    // stale_ns.
     // rt: wait-free
     [[nodiscard]] tactiled_grasp state() const noexcept;
 
@@ -96,9 +96,9 @@ public:
     bool start_weighing() noexcept;  // at once, in any state of the grasp
     bool stop_weighing() noexcept;
     bool zero_weight() noexcept;  // tares the stable load, until this grasp ends
-    // Sets the scale of the shares from the present load, which weighs `mass_kg`. The load must be stable and, except
-    // for the share's deviation, known to 5 %; before its lift it was gripped with a reading of at most 5 % of it,
-    // and there is no tare. 0 is accepted at any time and removes the scale.
+    // Sets the scale of the shares from the present load, which weighs `mass_kg`. The load must be stable and, except for
+    // the uncertainty of the share, known to 5 %; before the lift the reading in the grip was at most 5 % of it, and there
+    // must be no tare. 0 is accepted at any time and removes the scale.
     bool known_weight(double mass_kg) noexcept;
     void clear_slips(std::uint32_t sensor_mask) noexcept;
     void slip_sensitivity(double zero_to_one) noexcept;

@@ -6,7 +6,7 @@
 namespace tactiled::grasp {
 namespace {
 
-constexpr double kUnknownBeyond = 3;  // in sd: an object lies farther from its own kind once in 370 grasps
+constexpr double kUnknownBeyond = 3;  // in sd: an object is farther from its own kind in one of 370 grasps
 constexpr double kMinTaught = 0.01;   // part of the mass: least sd of objects with one name
 
 double density(double off, double sd) noexcept { return std::exp(-0.5 * off * off / (sd * sd)) / sd; }
@@ -35,9 +35,9 @@ Recognised Objects::recognise(double mass_kg, double sd_kg) const noexcept {
         if (d > max) likeliest = &known_[i], max = d;
     }
     if (likeliest == nullptr) return {};
-    // The gripper may hold any object: an unknown one has at every weight the likelihood of the taught one at
-    // kUnknownBeyond of its own sd. The measurement's sd is not used here, as it would make an object more certain
-    // with a less certain weight.
+    // The gripper may hold any object. At every weight, an unknown object has the likelihood of the taught one at
+    // kUnknownBeyond of its sd. The measurement's sd is not used here, because a less certain weight would make an object
+    // more certain.
     const double taught_sd = std::max(likeliest->sd_kg, kMinTaught * likeliest->mass_kg);
     const double unknown = density(kUnknownBeyond * taught_sd, taught_sd);
     if (max < unknown) return {};

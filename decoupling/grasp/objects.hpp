@@ -9,7 +9,7 @@ namespace tactiled::grasp {
 
 struct Recognised {
     std::uint32_t id = 0;    // 0 = not known
-    double probability = 0;  // that it is this object, neither another taught one nor an unknown one
+    double probability = 0;  // probability of this object, against another taught one and an unknown one
     std::array<char, TACTILED_NAME_SIZE> name{};
 };
 

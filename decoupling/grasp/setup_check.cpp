@@ -15,11 +15,11 @@ using Matrix3 = Eigen::Matrix3d;
 
 constexpr double kAgrees = 0.5;    // a jaw's part of the weight: more contradicts the configuration
 constexpr double kSuspect = 0.25;  // the same: more contradicts it, if one error explains it
-constexpr double kBetter = 0.25;   // an error explains what the jaws read if it leaves less than this part of the squares
-constexpr double kShare = 0.2;     // share, between what is configured and measured
+constexpr double kBetter = 0.25;   // an error explains the readings if it leaves less than this part of the squares
+constexpr double kShare = 0.2;     // share, between configured and measured value
 constexpr double kSum = 0.15;      // part of the weight, between the sum of the forces and the known mass
 constexpr double kDead = 0.1;      // part of the load of the others
-constexpr double kWellAbove = 2;   // a press that a contact should be found with, in contact_on_N
+constexpr double kWellAbove = 2;   // minimum press for a reliable contact, in units of contact_on_N
 constexpr double kSymmetry = 1e-9;
 
 Vector3 eigen(const Vector& v) { return {v[0], v[1], v[2]}; }
@@ -29,7 +29,7 @@ Matrix3 eigen(const std::array<Vector, 3>& rows) {
     return m;
 }
 
-// One error of the configuration, as what would be right.
+// One error of the configuration, stated as the corrected value.
 struct Hypothesis {
     bool gravity_reversed = false;
     std::optional<std::size_t> turned{};
@@ -53,7 +53,7 @@ double share_of(const GuidedGrasp& seen, std::size_t j) {
     return seen.jaws[j].share > 0 ? seen.jaws[j].share : 1.0 / seen.jaws_of_gripper;
 }
 
-// Gravity of the tilted hand. The person turned the hand as the configuration names its jaws.
+// Gravity of the tilted hand. The user turned the hand by the names of the jaws in the configuration.
 Vector3 tilted_gravity(const GuidedGrasp& seen, const Vector3& down_G) {
     if (eigen(seen.tilted_gravity_G_m_s2).norm() > 0) {
         const double sign = down_G.dot(eigen(seen.gravity_G_m_s2)) < 0 ? -1 : 1;
@@ -65,7 +65,7 @@ Vector3 tilted_gravity(const GuidedGrasp& seen, const Vector3& down_G) {
     return down_G.norm() * (std::cos(seen.tilt_rad) * down + std::sin(seen.tilt_rad) * to_jaw);
 }
 
-// The largest and the sum of squares of what is left of the readings, in parts of the weight on one jaw.
+// Maximum and sum of squares of the residuals of the readings, relative to the weight on one jaw.
 struct Misfit {
     double max = 0, squares = 0;
     void add(double off) {
@@ -74,8 +74,8 @@ struct Misfit {
     }
 };
 
-// The load along gravity is shared as configured; that across it by the stiffness of normals and shears, which are not
-// known: both are fitted, each not negative.
+// The load along gravity is shared as configured. The load across gravity is shared by the unknown stiffnesses of normals
+// and shears, so both are fitted, each not negative.
 void add_pose(const GuidedGrasp& seen, const std::vector<Matrix3>& frames, const Vector3& palm_G, const Vector3& gravity_G,
               Vector CheckedJaw::*reading, Misfit& misfit) {
     const std::size_t n = seen.jaws.size();
@@ -94,7 +94,7 @@ void add_pose(const GuidedGrasp& seen, const std::vector<Matrix3>& frames, const
         lateral[j] = {across.x(), across.y(), 0};
     }
     for (std::size_t j = 0; j < n; ++j) {
-        if (n == seen.jaws_of_gripper) left[j].z() -= common_N;  // a squeeze that grew on all of them
+        if (n == seen.jaws_of_gripper) left[j].z() -= common_N;  // a squeeze that has grown on all jaws
         nn += normal[j].squaredNorm(), nl += normal[j].dot(left[j]);
         tt += lateral[j].squaredNorm(), tl += lateral[j].dot(left[j]);
     }
@@ -105,7 +105,7 @@ void add_pose(const GuidedGrasp& seen, const std::vector<Matrix3>& frames, const
         misfit.add(off.head<2>().norm() / part_N);
         misfit.add(off.z() / part_N / 2);  // presses are larger, and so are their errors
     }
-    // All of the weight hangs on the jaws.
+    // The jaws carry the whole weight.
     if (n != seen.jaws_of_gripper) return;
     Vector3 sum_G = -seen.mass_kg * gravity_G;
     for (std::size_t j = 0; j < n; ++j) {
@@ -119,7 +119,7 @@ void add_pose(const GuidedGrasp& seen, const std::vector<Matrix3>& frames, const
 Misfit misfit_of(const GuidedGrasp& seen, const Hypothesis& h) {
     const std::vector<Matrix3> frames = frames_of(seen, h);
     const Vector3 down_G = (h.gravity_reversed ? -1 : 1) * eigen(seen.gravity_G_m_s2);
-    // The load is shared along the axis that no skin faces: all normals are across it.
+    // The load is shared along the axis that no skin faces: all normals are perpendicular to it.
     Vector3 palm_G = down_G.normalized();
     Misfit misfit;
     add_pose(seen, frames, palm_G, down_G, &CheckedJaw::lifted_N, misfit);

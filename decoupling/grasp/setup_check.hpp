@@ -1,5 +1,5 @@
 // Finds errors of a gripper's configuration from a guided grasp: the hand open, closed on an object of known mass, lifted,
-// tilted. It compares what the jaws read with what they would read with the configuration, and with one error in it.
+// tilted. Compares the readings with those expected from the configuration, and from it with one error.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace tactiled::grasp {
 
-// A jaw as configured, and the means of its force in S less those of the open hand.
+// A jaw as configured, and the means of its force in S minus those of the open hand.
 struct CheckedJaw {
     std::string name;
     std::array<Vector, 3> S_from_G{};
@@ -40,7 +40,8 @@ struct SetupFinding {
     Vector x_S_in_G{};               // turned: the corrected axis
 };
 
-// In the order of their weight; empty: what the jaws read agrees with the configuration. setup: allocates
+// Returns the findings, the most important first; empty if the readings agree with the configuration.
+// setup: allocates
 std::vector<SetupFinding> check_setup(const GuidedGrasp& seen);
 
 }  // namespace tactiled::grasp

@@ -17,7 +17,7 @@ constexpr double kUsualTime_s = 10;
 // Parts of the configured or learnt friction. Below kNearCone there is no slip, even if the friction is wrong by 30
 // %; a small fall counts only from kAtCone on.
 constexpr double kNearCone = 0.7, kAtCone = 0.9, kSmallFall = 0.08;
-// A vibration rises as it falls. From rest its first fall is at most twice its rise; below 25 Hz a rise takes longer
+// A vibration has equal rises and falls. From rest its first fall is at most twice its rise; below 25 Hz a rise takes longer
 // than this time, so that a large enough fall within 7 ms has begun before.
 constexpr std::uint64_t kRise_ns = 10'000'000;
 constexpr double kSwing = 2.2, kFellBefore = 0.15;
@@ -103,13 +103,13 @@ void Slip::take(const Observation& observation, bool touching, bool settled, dou
         return;
     }
     if (slides && observation.t_ns - slid_ns_ < kGoesOn_ns) return;
-    // A growing vibration differs from a slip as it grows over several falls. A fall counts when it has ended, so
-    // that the first milliseconds of a slip do not count as transport.
+    // Unlike a slip, a growing vibration grows over several falls. A fall counts when it has ended, so that the first
+    // milliseconds of a slip do not count as transport.
     falling_ = std::max(falling_, now.part);
     const double over = now.part < falling_ / 2 ? std::exchange(falling_, now.part) : 0;
     if (settled) usual_ = std::max(over, usual_ * std::exp(-elapsed_s / kUsualTime_s));
     if (!slides) friction_.held((observation.shear_N - kNoises * noise_N) / observation.press_N);
-    // |shear| > part of the limit + k sd; a ratio alone would be one of noise at a small press.
+    // |shear| > part of the limit + k sd; at a small press, the ratio alone would be noise.
     mean_N_ += -std::expm1(-elapsed_s / kMeanTime_s) * (observation.shear_N - mean_N_);
     const double limit_N = near_ * friction_.coefficient() * observation.press_N + kNoises * noise_N;
     state_ = std::min(mean_N_, observation.shear_N) > limit_N ? TACTILED_SLIP_INCIPIENT

@@ -90,7 +90,7 @@ void Weight::take(std::size_t jaw, const Observation& observation) noexcept {
     double force_N = 0;
     for (int k = 0; k < 2; ++k)
         if (std::abs(j.axis_S[k]) > kNoPart)
-            force_N += j.axis_S[k] * observation.force_S_N[k];  // the other one may not be measured
+            force_N += j.axis_S[k] * observation.force_S_N[k];  // the other component may not be measured
     j.blind = !std::isfinite(force_N);
     if (j.blind) return;
     j.sum_N += force_N;
@@ -154,7 +154,7 @@ bool Weight::known(double mass_kg, std::span<const Contact> jaws) noexcept {
         rescale(1 / scale_);
         check_ = {};
         if (now_.state == TACTILED_WEIGHT_STABLE)
-            now_.state = TACTILED_WEIGHT_ESTIMATING;  // its deviation came from the old scale
+            now_.state = TACTILED_WEIGHT_ESTIMATING;  // its standard deviation was computed with the old scale
         return true;
     }
     if (now_.state != TACTILED_WEIGHT_STABLE || !held_known_ || !(mass_kg > 0) || !std::isfinite(mass_kg)) return false;
@@ -162,7 +162,7 @@ bool Weight::known(double mass_kg, std::span<const Contact> jaws) noexcept {
     const double factor = mass_kg / now_.mass_kg;
     if (!(factor > 1 / kKnownFactor && factor < kKnownFactor))
         return false;  // a jaw with no load or with all of it has no share to correct
-    // The known weight corrects the share's deviation only; the rest of the deviation would be in every later weight.
+    // The known weight corrects the uncertainty of the shares only; any other error would enter every later weight.
     if (now_.sd_kg > std::hypot(kKnownSure * now_.mass_kg, held_kg_ * share_sd())) return false;
     if (!(std::abs(rest_kg(jaws)) <= kKnownSure * now_.mass_kg))
         return false;  // a force may still be present; NaN: not measured

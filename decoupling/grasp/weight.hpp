@@ -1,4 +1,4 @@
-// The mass that hangs on the jaws, from their tangential forces and gravity.
+// The mass that the jaws carry, from their tangential forces and gravity.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace tactiled::grasp {
 
-inline constexpr double kKnownFactor = 5;   // most by which a known weight may change the scale
+inline constexpr double kKnownFactor = 5;   // maximum factor by which a known weight may change the scale
 inline constexpr double kKnownSure = 0.05;  // relative sd of a known weight: noise must not set the scale
 
 struct Weighed {
@@ -24,8 +24,8 @@ inline constexpr double kNoPart = 1e-6;    // a smaller part of an axis is a rou
 inline constexpr double kLeak = 0.03;      // largest part of the press that may appear as a shear
 inline constexpr double kDown_rad = 0.01;  // uncertainty of the direction of gravity
 
-// The reading of a jaw in the grip before the lift. It is a leak of the press, which the weight contains, or a force
-// that the lift removes; the deviation allows for both.
+// The reading of a jaw in the grip before the lift. It is a leak of the press, which the weight contains, or a force that
+// the lift removes; the standard deviation includes both.
 struct Rest {
     Eigen::Vector2d force_S_N{kNaN, kNaN};  // tangential; NaN: not measured
     double press_N = 0;
@@ -169,7 +169,7 @@ private:
     } check_;
     // The first stable weight of this grasp and its shares: both are constant, unless a sensor creeps.
     struct {
-        bool known = false, weighed = false;  // off is known; mass_kg is, until the load changes
+        bool known = false, weighed = false;  // known: off is valid; weighed: mass_kg is valid until the load changes
         double mass_kg = 0, sd_kg = 0;
         std::array<double, kMaxJaws> off{};
     } first_;
@@ -178,8 +178,8 @@ private:
     double departed_kg_ = kNaN;  // the weight before the present change
     bool changed_ = false;       // the load changed when the held weight was last left
     std::uint64_t block_before_ns_ = 0;
-    bool again_ = false;             // weighing began again in this grasp, as the load changed
-    std::uint64_t balanced_ns_ = 0;  // when the presses last balanced without an acceleration
+    bool again_ = false;             // the load changed, so weighing restarted in this grasp
+    std::uint64_t balanced_ns_ = 0;  // time at which the presses last balanced without an acceleration
     std::uint64_t begun_ns_ = 0, agreed_ns_ = 0;
     std::uint64_t rests_ns_ = 0;  // begin of the window of the first stable value
     double held_kg_ = 0, held_sd_kg_ = 0, held_blocks_sd_kg_ = 0, tare_kg_ = 0, scale_ = 1;

@@ -1,4 +1,4 @@
-// Checks a weight: whether the jaws agree with each other, and the weight with its own past.
+// Checks a weight: agreement of the jaws with each other, and of the weight with its earlier values.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -11,10 +11,10 @@ namespace {
 
 constexpr double kShare = 0.25;             // tolerance of a share, relative to a jaw's load, where share_sd is small
 constexpr double kShareSds = 6;             // tolerance in share_sd, where that is large
-constexpr double kShareInSd = 0.5;          // part of a departure beyond 3 share_sd that the weight's sd contains
+constexpr double kShareInSd = 0.5;          // part of a difference beyond 3 share_sd that the weight's sd contains
 constexpr double kShareCreeps = 0.05;       // tolerance of a share within one grasp
 constexpr double kCreeps = 0.02;            // relative change since the first stable value
-constexpr double kAnother = 0.2;            // relative change at once from which it is another load
+constexpr double kAnother = 0.2;            // minimum relative immediate change for another load
 constexpr double kPressGain_sd = 0.03;      // relative difference between the calibrations of two jaws
 constexpr double kPressRepeats_sd = 0.015;  // the same, after a known weight
 constexpr double kUnbalanced_sds = 3.5;
@@ -29,14 +29,14 @@ constexpr std::uint64_t kLook_ns = 100'000'000;      // length of such a window
 constexpr std::uint64_t kTogether_ns = 100'000'000;  // the load reaches all jaws within this time
 constexpr double kSlopeBlocks = 60;                  // 0.3 s: noise hides a slope in a shorter time
 constexpr double kSlopeNoises = 1;                   // sd of a slope that noise explains
-constexpr double kSeen = 6;                          // in sd of a sensor: a smaller load has no time
+constexpr double kSeen = 6;                          // in sd of a sensor: the time of a smaller load is not determined
 
 }  // namespace
 
 double max_hidden_swing_m_s2(double frequency_Hz, double weigh_window_ms) noexcept {
     constexpr double kStandard_m_s2 = 9.80665;
     const double phase = 2 * std::numbers::pi * frequency_Hz * weigh_window_ms * 1e-3;
-    // A whole window allows a bend and the noise that may hide it; the newest part of it allows less over less time.
+    // A whole window permits a bend and the noise that may hide the bend; its newest part permits less over a shorter time.
     const double allowed = std::max(std::hypot(kBends, kNoisy), kBends / Weight::kNewest);
     const double of_load = 16 * allowed / (phase * phase);  // the load at the crest is 1 + a / g
     return of_load < 1 ? of_load / (1 - of_load) * kStandard_m_s2 : std::numeric_limits<double>::infinity();
@@ -60,8 +60,7 @@ std::span<const JawForces> Weight::forces_since(std::uint64_t from_ns, std::span
     return std::span(forces_).first(n_jaws_);
 }
 
-// `unknown_m_s2`: a possible acceleration of the hand that is not reported, and that may explain presses which do not
-// balance.
+// `unknown_m_s2`: a possible acceleration of the hand that is not reported and that may explain unbalanced presses.
 Weight::Findings Weight::examine(std::span<const JawForces> forces, double mass_kg, double sd_kg,
                                  double unknown_m_s2) const noexcept {
     Findings found;
@@ -109,8 +108,7 @@ Weight::Findings Weight::examine(std::span<const JawForces> forces, double mass_
     return found;
 }
 
-// Returns when the load reached the last jaw: `first_ns`, the time of the sum, unless one jaw was later than the
-// others.
+// Returns the time at which the load reached the last jaw: `first_ns`, the time of the sum, unless one jaw was late.
 std::uint64_t Weight::last_lift_off(std::span<const JawForces> forces, std::uint64_t first_ns,
                                     std::uint32_t& late) const noexcept {
     std::uint64_t last_ns = first_ns;
@@ -156,8 +154,8 @@ bool Weight::moved(const Mean& window, std::uint64_t from_ns, std::uint64_t now_
     return false;
 }
 
-// A load that goes on changing steadily may be a zero that drifts, and has drifted since it was learnt. The slope of the
-// blocks that are newer than `from_ns`, as far as their noise does not explain it, times the age of the zeros.
+// A load that changes steadily may be caused by a drift of the zero since it was learnt. Returns the slope of the blocks
+// newer than `from_ns`, minus the part that noise explains, times the age of the zeros.
 double Weight::drifted_kg(std::span<const Contact> jaws, std::uint64_t from_ns) const noexcept {
     double n = 0, t = 0, m = 0, tt = 0, tm = 0, jitter = 0;
     for (std::size_t b = 0; b < n_ && block(b).t_ns > from_ns; ++b, ++n) {
@@ -185,7 +183,7 @@ void Weight::take_first(const Findings& found) noexcept {
     first_.known = first_.weighed = true;
 }
 
-// A large change at once is another load. A small one may come from a sensor that creeps, and remains in the standard
+// A large immediate change is another load. A small change may come from the creep of a sensor, and remains in the standard
 // deviation.
 double Weight::unexplained_kg(double mass_kg) const noexcept {
     const double change_kg = std::abs(mass_kg - departed_kg_);
@@ -207,8 +205,8 @@ bool Weight::flat(const Mean& mean) const noexcept {
            std::abs(mean.bend_kg) <= std::hypot(kBends * weight_kg, noise_kg);
 }
 
-// The same for a part of a window. A swing trends in proportion to the length and bends in proportion to its square. The
-// limits are smaller by one more power, as a shorter mean has more noise, and noise does not raise them.
+// Does the same as flat() for a part of a window. A swing trends in proportion to the length and bends in proportion to its
+// square. The limits are smaller by one more power, as a shorter mean has more noise, and noise does not raise them.
 bool Weight::part_is_flat(const Mean& mean, double part) const noexcept {
     const double noise_kg = 3 * mean.jitter_kg / std::sqrt(double(mean.n) / 4);
     const double weight_kg = part * part * std::max(std::abs(mean.mass_kg), contact_N_ / gravity_G_.norm());

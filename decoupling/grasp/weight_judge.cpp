@@ -14,17 +14,17 @@ constexpr std::uint64_t kLongest_ns = 1'200'000'000;
 constexpr double kStill = 0.01;     // relative change within a stable value
 constexpr double kDeparts = 0.015;  // a larger relative change is an acceleration or another weight
 constexpr double kUnchecked = 0.1;  // relative sd of a share by symmetry, before a known weight confirms it
-// The part of the errors that sensors of one kind have in common, as they bend, yield and soften alike; for errors by
-// gain, the part that remains after a known weight at its own load, and its growth at other loads. They were chosen
-// with grasp_bench weigh, seed 1, such that the published deviation is correct, and checked with other seeds.
+// kAlike: part of the errors that sensors of one kind have in common, because they bend, yield and soften alike. The others:
+// for errors by gain, the part that remains after a known weight at its own load, and its growth at other loads. Chosen with
+// grasp_bench weigh, seed 1, for a correct published standard deviation, and checked with other seeds.
 constexpr double kAlike = 0.6, kLeftByCheck = 0.1, kOffCheck = 0.88;
 constexpr double kLeftOfOthers = 0.5;  // the same for other sensors, for which no measurement exists
 constexpr double kReported = 0.05;     // relative error of a reported acceleration: delay and scale
-// an object that is drawn over a table with a force F presses on it with up to F / 0.3
+// an object that is dragged over a table with a force F presses on the table with up to F / 0.3
 constexpr double kTableFriction = 0.3;
 constexpr double kFollows_s = 1;  // a stable value follows creep with this time constant
 constexpr double kShaken = 0.2;   // relative rms of 5 ms; above it the load itself changes
-constexpr double kSure = 0.2;     // relative deviation above which no weight is good
+constexpr double kSure = 0.2;     // relative standard deviation above which no weight is good
 // From half of the load to nine tenths of it; lifts in the tests take 0.05 to 0.3 s in all.
 constexpr std::uint64_t kSlowly_ns = 250'000'000;
 constexpr std::uint64_t kQuiet_ns = 500'000'000;  // half a period of a swing of 1 Hz
@@ -41,7 +41,7 @@ Weight::Mean Weight::mean_since(std::uint64_t from_ns) const noexcept {
     while (m.n < n_ && block(m.n).t_ns > from_ns) m.mass_kg += block(m.n++).mass_kg;
     if (m.n == 0) return m;
     m.mass_kg /= double(m.n);
-    // The scatter of a few long parts, as vibration and filters make neighbours similar.
+    // The scatter of a few long parts is used, because vibration and filters make neighbours similar.
     const std::size_t parts = std::min<std::size_t>(m.n, 4);
     std::array<double, 4> part{};
     for (std::size_t p = 0; p < parts; ++p) {
@@ -68,7 +68,7 @@ Weight::Mean Weight::mean_since(std::uint64_t from_ns) const noexcept {
     return m;
 }
 
-// Returns when the load first reached `mass_kg`. Vibration would delay the last time.
+// Returns the time at which the load first reached `mass_kg`; with vibration the last time would be too late.
 std::uint64_t Weight::first_above(double mass_kg) const noexcept {
     std::uint64_t first_ns = begun_ns_;
     for (std::size_t b = 0; b < n_ && block(b).t_ns >= begun_ns_; ++b)
@@ -76,7 +76,7 @@ std::uint64_t Weight::first_above(double mass_kg) const noexcept {
     return first_ns;
 }
 
-// Returns when the load first reached nine tenths of `mass_kg`.
+// Returns the time at which the load first reached nine tenths of `mass_kg`.
 std::uint64_t Weight::lift_off(double mass_kg) const noexcept {
     const std::uint64_t first_ns = first_above(0.9 * mass_kg);
     const bool forgotten = n_ == kBlocks && now_.lift_off_ns >= begun_ns_ && now_.lift_off_ns < block(n_ - 1).t_ns;
@@ -89,8 +89,8 @@ std::uint32_t Weight::carrying() const noexcept {
     return mask;
 }
 
-// Returns the relative error of the sum of n of all jaws, each with an equal share within share_sd_. The grasp of the
-// known weight had the same error, and it corrects no other jaws.
+// Returns the relative error of the sum of n of all jaws, each with an equal share within share_sd_. A known weight was
+// measured with the same error, and does not correct other jaws.
 double Weight::share_sd() const noexcept {
     const auto n = double(std::popcount(carrying())), all = double(n_all_);
     if (check_.done && carrying() != check_.carrying) return kUnchecked;
@@ -98,7 +98,7 @@ double Weight::share_sd() const noexcept {
     return check_.done ? share_sd_ * std::sqrt(2 * (all - n) / (all * n)) : kUnchecked;
 }
 
-// Returns true if the deviation is small enough. A load below the threshold of contact counts as none, which may be
+// Returns true if the standard deviation is small enough. A load below the contact threshold counts as no load, which may be
 // reported.
 bool Weight::sure(double mass_kg, double sd_kg) const noexcept {
     return sd_kg <= kSure * std::max(std::abs(mass_kg), contact_N_ / gravity_G_.norm());  // false for NaN
@@ -134,8 +134,8 @@ double Weight::zeros_kg(std::span<const Contact> jaws) const noexcept {
     return scale_ / carries_ * std::sqrt(squares_N2);
 }
 
-// Returns the sensors' own standard deviation in the weight. A known weight fixes their curve at its load, and the
-// zero before each grasp at 0; between the two the curve bends, and above them the error grows with the load.
+// Returns the sensors' own standard deviation in the weight. A known weight fixes their curve at its load, and the zero
+// before each grasp at 0; between the two the curve deviates, and above them the error grows with the load.
 double Weight::sensors_kg(double mass_kg, std::span<const Contact> jaws) const noexcept {
     double squares_N2 = 0, sum_N = 0;
     bool by_gain = true;
@@ -224,12 +224,11 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
     std::uint32_t late = 0;
     const std::uint64_t last_ns =
         last_lift_off(forces_since(now_ns - std::min(now_ns, window_ns_), jaws), lift_off_ns, late);
-    // If the acceleration is not reported, even a steady value within its longest duration is no weight.
+    // Without a reported acceleration, a steady value within the longest duration of an acceleration is no weight.
     const std::uint64_t from_ns = window.accelerations_known ? last_ns : last_ns + accelerates_ns_;
     std::uint64_t since_ns = std::max(from_ns, now_ns - std::min(now_ns, window_ns_));
     Mean mean = mean_since(since_ns);
-    if (now_ns < from_ns - (last_ns - lift_off_ns) + window_ns_)
-        late = 0;  // without this step there would be no weight yet, either
+    if (now_ns < from_ns - (last_ns - lift_off_ns) + window_ns_) late = 0;  // without this step there would be no weight yet
     const bool after = mean.n >= 4 && now_ns >= from_ns + window_ns_;
     bool newest_rests = false;
     if (after && (mean.sd_kg > kStill * std::abs(mean.mass_kg) || !flat(mean))) {
@@ -255,7 +254,7 @@ void Weight::publish_first(const Mean& window, std::span<const Contact> jaws, st
         after ? examine(forces_since(since_ns, jaws), mean.mass_kg, std::hypot(moving_kg, fixed_kg), 0) : Findings{};
     const std::uint64_t excused_ns = std::max(accelerates_ns_ / 2, std::min(accelerates_ns_, kQuiet_ns));
     const std::uint64_t quiet_ns = now_ns - std::min(now_ns, kQuiet_ns);
-    // A load that took long from half of this to nine tenths of it was not lifted, but swings.
+    // A load that took long to rise from half to nine tenths of the mass was not lifted, but swings.
     const std::uint64_t half_ns = first_above(mean.mass_kg / 2),
                         lifted_ns = last_ns > half_ns + kSlowly_ns ? half_ns : last_ns;
     const double drifted_kg = after ? this->drifted_kg(jaws, std::max(quiet_ns, lifted_ns + excused_ns)) : 0;
@@ -294,8 +293,8 @@ double Weight::newest_departs_kg() const noexcept {
     return max_kg;
 }
 
-// Publishes a weight after the first stable value. An arm that slows down is not another weight, unless it slows down
-// for longer than arms do.
+// Publishes a weight after the first stable value. A deceleration of the arm is not another weight, unless it lasts longer
+// than accelerations of arms do.
 void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std::uint64_t now_ns) noexcept {
     const double systematic = systematic_kg(held_kg_, jaws), off_kg = window.mass_kg - held_kg_;
     const std::span<const JawForces> forces = forces_since(std::max(now_ns - std::min(now_ns, window_ns_), rests_ns_), jaws);
@@ -310,7 +309,7 @@ void Weight::publish_held(const Mean& window, std::span<const Contact> jaws, std
         this->drifted_kg(jaws, std::max(now_ns - std::min(now_ns, 2 * kQuiet_ns), now_.lift_off_ns + excused_ns));
     const double fixed_kg = std::hypot(systematic, found.sd_kg, drifted_kg);
     const double departs_kg = kDeparts * std::abs(held_kg_);
-    // A change of the load within the window is scatter as well, and must not excuse itself.
+    // A change of the load within the window also adds scatter, which is limited so that it cannot hide the change.
     const double window_sd_kg = std::min(window.sd_kg, departs_kg);
     const double fixed_sd_kg = std::hypot(fixed_kg, std::max(held_sd_kg_, window_sd_kg));
     const bool stays = std::abs(off_kg) <= std::hypot(departs_kg, 3 * held_sd_kg_, 3 * window_sd_kg) &&

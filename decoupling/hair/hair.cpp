@@ -45,7 +45,7 @@ private:
         const HairLoad load = pairs != 0 ? two_steps(r, pairs) : solver_.solve(r, used);
         if (setup_.noise_known) {
             estimate.residual = residual(r, load, used);
-            // Four hairs do not show which of them is wrong, so the error of the forces is unknown.
+            // With four hairs the wrong one cannot be identified, so the error of the forces is unknown.
             if (estimate.residual > kDoubtful) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
         }
         for (std::size_t j = 0; j < 3; ++j) {
@@ -58,8 +58,8 @@ private:
             if (seen()[c] && !std::isfinite(estimate.wrench_S[c])) estimate.reasons |= TACTILED_NOT_FINITE;
     }
 
-    // Returns the pairs of which both hairs are usable; 0 if a requested shear has none: then the remaining hairs
-    // have to be solved together.
+    // Returns the pairs of which both hairs are usable; 0 if a requested shear has none; the remaining hairs are then solved
+    // together.
     std::uint32_t whole_pairs(std::uint32_t usable) const noexcept {
         const bool x = (usable & kPairX) == kPairX, y = (usable & kPairY) == kPairY;
         if (((setup_.unknowns & 2u) != 0 && !x) || ((setup_.unknowns & 4u) != 0 && !y)) return 0;

@@ -58,9 +58,9 @@ HairSolver::Subset HairSolver::prepare(std::uint32_t hairs, std::uint32_t unknow
             subset.inverse[at][rows[std::size_t(i)]] = inverse(j, i) / scale[j] / response_.noise[rows[std::size_t(i)]];
     }
     if (leaks_) {
-        // The largest magnitude, over the loads where the leak is evaluated, of each entry of inverse * slopes of the
-        // leak. The largest eigenvalue of these magnitudes is the factor by which a step reduces the error (in the
-        // maximum norm weighted by its eigenvector, in which limiting a load to its range lengthens nothing).
+        // The largest magnitude, over the loads where the leak is evaluated, of each entry of inverse * slopes of the leak.
+        // The largest eigenvalue of these magnitudes is the factor by which a step reduces the error (in the maximum norm
+        // weighted by its eigenvector, which does not grow if a load is limited to its range).
         Eigen::MatrixXd sizes = Eigen::MatrixXd::Zero(3, 3);
         HairLoad load;
         for (int point = 0; point < (kGrid + 1) * (kGrid + 1) * (kGrid + 1); ++point) {

@@ -16,8 +16,7 @@ struct HairResponse {
     std::array<double, 4> noise{1, 1, 1, 1};  // sd of dR/R0, for the weights; must be above 0
     HairLoad min{0, -1, -1}, max{1, 1, 1};    // range of the calibrated loads: beyond it, the leak is constant
 
-    // Returns the load at which the leak is evaluated: `load`, or the nearest calibrated load (plus 5 %). rt:
-    // wait-free
+    // Returns the load at which the leak is evaluated: `load`, or the nearest calibrated load (plus 5 %). rt: wait-free
     [[nodiscard]] HairLoad nearest(const HairLoad& load) const noexcept;
     // Returns the reading of hair i at a load. rt: wait-free
     [[nodiscard]] double reading(std::size_t i, const HairLoad& load, const LeakTerms& terms) const noexcept;

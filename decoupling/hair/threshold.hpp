@@ -22,7 +22,6 @@ inline double threshold_Pa(std::span<const double> noise, std::span<const double
     return std::sqrt(std::fmax(variance, 0)) / std::abs(signal);
 }
 
-// Returns the threshold of one hair.
 inline double threshold_Pa(double noise, double sensitivity) noexcept {
     const double one = 1;
     return threshold_Pa({&noise, 1}, {&sensitivity, 1}, {&one, 1});

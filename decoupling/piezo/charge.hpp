@@ -13,7 +13,7 @@ namespace tactiled {
 
 // One step of T seconds, exact for a drive that is linear in between:
 //     V[n] = decay V[n-1] + gain (q[n] - q[n-1]),    decay = exp(-T/tau),  gain = -expm1(-T/tau) tau / T
-// The staircase form, gain = 1, errs by T / 2 tau on a ramp.
+// The staircase form, gain = 1, has an error of T / 2 tau on a ramp.
 struct LeakStep {
     double decay = 1, gain = 1;  // T = 0: a jump
 
@@ -30,15 +30,14 @@ struct LeakStep {
     [[nodiscard]] double change_of_drive(double last_V, double V) const noexcept { return (V - decay * last_V) / gain; }
 };
 
-// Estimates the drive q from the film's V and a slow reading c of the same quantity. c is the mean over the last
-// `window_s`, new once per window and constant in between (the thesis: AD7746 at 10 Hz). With W the window's mean,
+// Estimates the drive q from the film's V and a slow reading c of the same quantity. c is the mean over the last `window_s`,
+// new once per window and constant in between (the thesis: AD7746 at 10 Hz). With W the window's mean,
 //
 //     q_est = q_film + L (c - W q_film),    L = 1 / (1 + s tau_c)
 //
-// q_film, the running sum of the film's changes, is right except for a slow drift. c - W q_film compares the same
-// window of both, so it contains only that drift; gain and phase of q are 1 and 0 at every frequency, while a
-// complement of c by its filter alone would lack the window's delay. An offset e of V becomes e tau_c / tau,
-// permanently.
+// q_film, the running sum of the film's changes, is right except for a slow drift. c - W q_film compares the same window of
+// both, so it contains only that drift; gain and phase of q are 1 and 0 at every frequency. A complementary filter of c
+// alone would omit the window's delay. An offset e of V becomes e tau_c / tau, permanently.
 class ChargeFusion {
 public:
     ChargeFusion(double leak_s, double fusion_s, double window_s) noexcept
@@ -50,7 +49,7 @@ public:
     // rt: wait-free, at most kMax steps
     double update(double T_s, double V, double slow, bool is_new) noexcept;
 
-    // True from one window after the start on: before, the film's past is unknown.
+    // True from one window after the start on; before, the history of the film is unknown.
     [[nodiscard]] bool is_settled() const noexcept { return started_ && time_s_ >= window_s_; }
     [[nodiscard]] double window_s() const noexcept { return window_s_; }
     // Returns the difference of the two readings that is not corrected yet, in units of the drive. rt: wait-free

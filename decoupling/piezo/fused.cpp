@@ -11,17 +11,16 @@
 namespace tactiled {
 namespace {
 
-// A reading beyond this many times the range cannot be a force; it is limited, so that the state recovers from it at
-// once.
+// A reading beyond this many times the range cannot be a force; it is limited, so that the state recovers immediately.
 constexpr double kMaxRanges = 20;
-// Film and Cn disagree if they differ by this many standard deviations, and for some time after: a film that sticks agrees
-// with any force that rests.
+// Film and Cn disagree if they differ by this many standard deviations. The disagreement lasts some time, because a stuck
+// film agrees with every constant force.
 constexpr double kMaxDifference_sd = 5;
 constexpr std::uint64_t kDoubt_ns = 4'000'000'000;
 // Part of the swing of the force by which they may differ: the gain of the film is known to 5 % (fit/piezo_fit.cpp), and the
 // window of Cn to a frame.
 constexpr double kOfSwing = 0.1;
-// Part of a difference that is none of these, in the standard deviation.
+// Part of a remaining difference that is added to the standard deviation.
 constexpr double kOfDifference = 0.5;
 
 class Piezo final : public CheckedModel {
@@ -38,7 +37,7 @@ public:
           has_sd_(!data.calibration().sd.empty()),
           memory_s_(3 * (fusion_tau_s + data["window_s"])) {}
     [[nodiscard]] std::string_view method() const noexcept override { return "fused"; }
-    // A change of the force is in the film at once; the window of Cn is part of the fusion.
+    // The film shows a change of the force immediately; the window of Cn is part of the fusion.
     [[nodiscard]] std::uint32_t timed_by(std::size_t /*c*/) const noexcept override { return 1u << Vp_; }
 
 private:
@@ -75,7 +74,7 @@ private:
         estimate.wrench_S[2] = 0.0 - press_N;
     }
 
-    // Both readings measure the same force. While they disagree, either may be right.
+    // Both readings measure the same force; while they disagree, either may be right.
     void compare(double press_N, double other_N, Input& input, Estimate& estimate) noexcept {
         Wrench wrench{};
         wrench[2] = press_N;
@@ -89,7 +88,7 @@ private:
         } else if (input.t_ns - doubtful_since_ns_ > kDoubt_ns) {
             doubt_N_ = 0;
         }
-        // A smaller difference is in the standard deviation: one of the two readings is off by at least half of it.
+        // A smaller difference is included in the standard deviation: one of the two readings is off by at least half of it.
         const double part_N = doubt_N_ > 0 ? doubt_N_ : kOfDifference * difference_N;
         if (sd > 0) input.sd_factor[2] = std::hypot(sd, part_N) / sd;
         if (doubt_N_ > 0) estimate.reasons |= TACTILED_DISAGREEMENT;
@@ -102,8 +101,8 @@ private:
         const double T_s = forward ? double(input.t_ns - last_t_ns_) * 1e-9 : 0;
         if (!forward || T_s > longest_gap_s_) fusion_.forget();
         T_s_ = T_s;
-        // Cn repeats its last value until the converter has a new one. A force so constant that new values equal the
-        // last must count as well: after two windows.
+        // Cn repeats its last value until the next conversion. With a constant force new values may equal the last one, so a
+        // value also counts as new after two windows.
         const bool is_new =
             !has_last_ || input.r[Cn_] != last_Cn_ || double(input.t_ns - last_new_t_ns_) * 1e-9 >= 2 * fusion_.window_s();
         if (!forward || is_new) last_new_t_ns_ = input.t_ns;

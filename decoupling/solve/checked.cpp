@@ -71,9 +71,9 @@ Estimate CheckedModel::decouple(const Reading& reading) noexcept {
 inline bool CheckedModel::check_channels(const Reading& reading, double* r, Input& input,
                                          Estimate& estimate) const noexcept {
     const double* const channel = reading.channel.data();
-    // Both loops vectorise at any number of channels, two channels per step: with -O3, plain arrays, and
-    // -fno-trapping-math, without which a comparison may not be made if its result is not needed. r is stored in
-    // pairs, as GaugeSolver loads it: a load of two numbers from two single stores waits for both.
+    // Both loops vectorise at any number of channels, two channels per step, with -O3, plain arrays, and -fno-trapping-math,
+    // which allows comparisons whose result is not needed. r is stored in pairs, as GaugeSolver loads it: a load of two
+    // numbers from two single stores waits for both.
     for (std::size_t k = 0; k < n_; ++k) r[k] = channel[k] - zero_[k];
     std::uint64_t broken = 0, beyond = 0;
     for (std::size_t k = 0; k < n_; ++k) {

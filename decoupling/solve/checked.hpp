@@ -30,13 +30,13 @@ protected:
         std::uint32_t usable;  // bit k: channel k is present and not saturated
         bool outside;          // outside the domain of the calibration
         std::uint64_t t_ns;    // time of the frame
-        // sd of each component as a multiple of the calibration's: the loss of accuracy with the usable channels.
+        // Factor of the calibration's sd for each component: the loss of accuracy with the usable channels.
         std::array<double, 6> sd_factor{1, 1, 1, 1, 1, 1};
     };
 
-    // `used`, bit k: the model uses channel k. `needed`, bit k: it cannot do without channel k. A channel that is
-    // used but not needed, and is missing or saturated, is not usable, and the estimate reports it. A channel that is
-    // not used may have any value.
+    // `used`, bit k: the model uses channel k. `needed`, bit k: the model requires channel k. A channel that is used but not
+    // needed, and is missing or saturated, is not usable, and the estimate reports it. A channel that is not used may have
+    // any value.
     CheckedModel(const Calibration& calibration, std::uint32_t used, std::uint32_t needed);
 
     // Sets `estimate.wrench_S` of the measured components; may set reasons, residual, direction. A component of the
@@ -63,8 +63,7 @@ private:
     // Reasons of every sample: TACTILED_UNCALIBRATED for a nominal calibration, TACTILED_UNKNOWN_UNCERTAINTY for one
     // without sd.
     std::uint32_t always_;
-    // Plain arrays: an element of a std::array is checked against its size here, and a loop that may end so is not
-    // vectorised.
+    // Plain arrays: the index of a std::array is checked here, and a loop that may end early is not vectorised.
     double zero_[kMaxChannels]{};
     double full_scale_[6], sd_[6]{}, sd_slope_[6]{}, sd_load_[6]{};
     LoadScale load_;

@@ -26,7 +26,7 @@ class Curve {
 public:
     struct Force {
         double F = 0;      // N
-        double slope = 0;  // dy/dF there; 0 = beyond the vertex, where any force within range would read more
+        double slope = 0;  // dy/dF there; 0 = y is beyond the vertex, so no force in the range has this reading
     };
 
     Curve() = default;

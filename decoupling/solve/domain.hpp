@@ -15,9 +15,9 @@
 
 namespace tactiled {
 
-// Margin on each side, relative to the calibrated width: a calibration samples its extremes rarely, so a sensor used
-// over the same range, and a noisy sensor at rest, leave the bare range. A linear map changes by no more than 5 % of
-// its validated range there.
+// Margin on each side, relative to the calibrated width: a calibration samples its extremes rarely, so a sensor used over
+// the same range, or a noisy sensor at rest, would leave the range. A linear map changes by no more than 5 % of its
+// validated range there.
 inline constexpr double kDomainMargin = 0.05;
 
 // Returns the index of a component in a Wrench, 6 for an unknown name.

@@ -1,5 +1,5 @@
-// The load on a sensor as one number: the magnitude of the force, or of the moment where no force is measured, as a part of
-// the greatest full scale. The standard deviation of a component may depend on it.
+// The load on a sensor as one number: the magnitude of the force, or of the moment where no force is measured, relative to
+// the largest full scale. The standard deviation of a component may depend on the load.
 #pragma once
 #include <algorithm>
 #include <cmath>

@@ -74,7 +74,6 @@ private:
     std::span<const KnownTable> tables_;
 };
 
-// Concatenates two lists.
 template <typename T, std::size_t N, std::size_t M>
 constexpr std::array<T, N + M> joined(const std::array<T, N>& first, const std::array<T, M>& second) {
     std::array<T, N + M> all{};

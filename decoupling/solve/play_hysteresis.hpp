@@ -66,15 +66,14 @@ public:
         }
         return sum;
     }
-    // Resets the state to that of a sensor that was never loaded, and not settled, because the load meanwhile is
-    // unknown. rt: wait-free
+    // Resets the state to that of a sensor that was never loaded. The state is not settled, because the load in the meantime
+    // is unknown. rt: wait-free
     void forget() noexcept {
         *this = {};
         settled_ = false;
     }
-    // True if the state is that of the true past: always from the start, for a sensor that was never loaded; after a
-    // forget(), as soon as the input has swung by twice the widest play operator, because the state then no longer
-    // depends on the past.
+    // True if the state is known: always for a sensor that was never loaded; after a forget(), as soon as the input has
+    // swung by twice the widest play operator, because the state then no longer depends on the past.
     [[nodiscard]] bool is_settled() const noexcept { return settled_; }
 
 private:

@@ -91,7 +91,6 @@ GaugeSolver::Subset GaugeSolver::prepare(std::uint32_t usable, std::vector<std::
     return subset;
 }
 
-// Computes the loads and their residual.
 inline void GaugeSolver::find(const Subset& subset, const Gauges& r, Solved& solved) const noexcept {
     solved.sd_factor = subset.sd_factor;
     for (std::size_t j = 0; j < n_loads_; ++j) solved.load[j] = sum_of(subset.inverse[j] * r);
@@ -111,7 +110,7 @@ inline void GaugeSolver::find(const Subset& subset, const Gauges& r, Solved& sol
         solved.residual = std::numeric_limits<double>::infinity();
 }
 
-// All paths fill and return one variable: a copy of it would wait for the stores before.
+// All paths fill and return one variable, because a copy would wait for the preceding stores.
 GaugeSolver::Solved GaugeSolver::solve(const double* readings, std::uint32_t usable) const noexcept {
     Solved solved;
     if (!subsets_[usable].solvable) return solved;
@@ -120,21 +119,20 @@ GaugeSolver::Solved GaugeSolver::solve(const double* readings, std::uint32_t usa
     find(subsets_[usable], r, solved);
     solved.used = usable;
     if (solved.residual > kDoubtful) [[unlikely]] {
-        // The gauges disagree: one of them is dead, or the wrong one is unknown.
+        // The gauges disagree: one is dead, or the wrong one is unknown.
         Solved others = without_dead(r, usable, solved);
-        others.residual = solved.residual;  // explains why one was left out
+        others.residual = solved.residual;  // shows why a gauge was left out
         solved.doubtful = true;
         if (others.dead) solved = others;
     }
     return solved;
 }
 
-// Solves without the one gauge that delivers 0 without noise, if the readings of the others are consistent and
-// require another value there. `dead` is not set if there is no such gauge or more than one. A gauge with the
-// residual `rest`, whose reading makes the share h of its own prediction, differs from the prediction by the others
-// by rest / (1 - h), and without it the squared residual is smaller by rest^2 / (1 - h). Only the two with the
-// largest reduction are solved for, however many read 0: if a third one left the others consistent, these two would,
-// too, and the dead one would be unknown.
+// Solves without the one gauge that delivers 0 without noise, if the readings of the others are consistent and require
+// another value there. `dead` is not set if there is no such gauge or more than one. If a gauge has the residual `rest` and
+// contributes the share h to its own prediction, it differs from the prediction of the others by rest / (1 - h), and
+// omitting the gauge reduces the squared residual by rest^2 / (1 - h). Only the two gauges with the largest reduction are
+// examined: if a third gauge left the others consistent, these two would, too, and the dead gauge would be unknown.
 GaugeSolver::Solved GaugeSolver::without_dead(const Gauges& r, std::uint32_t usable, const Solved& all) const noexcept {
     struct {
         std::size_t gauge = kMaxGauges;  // kMaxGauges: none

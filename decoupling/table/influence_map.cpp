@@ -129,7 +129,7 @@ InfluenceMap::InfluenceMap(const std::vector<std::vector<double>>& rows, const s
 
 void InfluenceMap::at(double x_m, double y_m, At& out) const noexcept {
     using Values = Eigen::Array<double, kValues, 1>;
-    // At the centre itself the direction is undefined; at 1e-4 of a ring beside it the value is the same.
+    // At the centre the direction is undefined; at 1e-4 of a ring from there the value is the same.
     double r = std::hypot(x_m, y_m) / spacing_m_;
     const double angle = std::atan2(y_m, x_m);
     r = std::clamp(r, 1e-4, n_rings_ + 1.0);

@@ -35,7 +35,7 @@ private:
         if (solved.used == 0) return;  // BAD
         estimate.residual = solved.residual;
         if (solved.dead) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_MISSING_CHANNEL;
-        // It is unknown which gauge is wrong, and therefore also the error of the forces.
+        // The wrong gauge is unknown, and therefore also the error of the forces.
         if (solved.doubtful) estimate.reasons |= TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY;
         if (solved.dead) input.outside = is_outside(input.r, solved.used);
         for (std::size_t c = 0; c < 3; ++c) {

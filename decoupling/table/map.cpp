@@ -28,13 +28,12 @@ constexpr double kDefaultLocate = 5;
 // Limit of shear over press; skin and rubber on a smooth surface reach 1 to 1.5. A wrong minimum beside a column has
 // a small press or a pull and exceeds this limit.
 constexpr double kDefaultFriction = 1.5;
-// A search with a larger residual may have missed the right minimum, which has a larger one once in 150 times.
+// A search with a larger residual may have missed the right minimum, whose residual is larger in one of 150 cases.
 constexpr double kSurely = 2;
 constexpr int kFewestGauges = 6;  // five unknowns and one redundant reading
 constexpr int kWarmSteps = 6;
-// A point that moved farther than this between two samples has jumped: the minimum beside the last one may be another
-// one, and explain the readings well enough with a pull instead of a press. A finger that slides at 100 mm/s moves as
-// far in 1 ms.
+// A point that moves farther than this between two samples has jumped: the minimum beside the last one may be wrong, and
+// explain the readings well enough with a pull instead of a press. A finger that slides at 100 mm/s moves as far in 1 ms.
 constexpr double kJump_m = 1e-4;
 constexpr unsigned kSearchEvery = 256;  // samples: a tracked minimum may no longer be the best
 constexpr double kSame = 0.1;           // relative change of readings that a search failed to explain
@@ -78,8 +77,8 @@ private:
             return spread_evenly(input, estimate, !point_ || rests);
         }
 
-        // A strain that all gauges share is caused by temperature or the frame: no contact makes the inner and the
-        // outer ones equal.
+        // A strain that all gauges share is caused by temperature or the frame: a contact does not make inner and outer
+        // gauges equal.
         if (is_common(y, usable)) {
             lose_point();
             estimate.reasons |= TACTILED_DISAGREEMENT;
@@ -121,7 +120,7 @@ private:
         dead_ = 0;
     }
 
-    // Continues from the last point if it still explains the readings, close by; else searches the plate.
+    // Continues from the last point if a nearby point still explains the readings; otherwise searches the plate.
     PointContact locate(const Gauges& y, std::uint32_t usable, double variance) noexcept {
         PointContact near = unexplained_;
         near.squares *= y.squaredNorm() / poor_y_.squaredNorm();
@@ -132,7 +131,7 @@ private:
             jumped = explains && (near.point_m - point_m_).norm() > kJump_m;
             if (explains && !jumped && near.converged) return look_elsewhere(y, usable, variance, near);
         }
-        // Two fingers: no point explains these readings, nor nearly equal ones.
+        // With two fingers no point explains these readings, nor nearly equal readings.
         if (poor_ && !jumped && usable == poor_usable_ && (y - poor_y_).norm() <= kSame * y.norm() &&
             ++since_search_ < kPoorEvery)
             return near;
@@ -182,7 +181,7 @@ private:
         return freedom > 0 ? std::sqrt(std::max(0.0, contact.squares) / freedom / variance) : kNaN;
     }
 
-    // Drops one gauge that delivers 0 if the rest, without it, agree on a point.
+    // Omits one gauge that delivers 0 if the others agree on a point without this gauge.
     void drop_dead_gauge(const Input& input, const Gauges& y, double variance, std::uint32_t& usable,
                          PointContact& contact) noexcept {
         std::uint32_t found = 0;
@@ -208,7 +207,7 @@ private:
     }
 
     // Computes the forces of a load that is spread over the plate; moments are 0, because its centre is the plate's.
-    // `true_here`: the contact is of that kind, or there is none.
+    // `true_here`: there is such a contact, or none.
     void spread_evenly(Input& input, Estimate& estimate, bool true_here) noexcept {
         double r[kMaxGauges];
         for (std::size_t k = 0; k < kMaxGauges; ++k) r[k] = (dead_ >> k & 1u) != 0 ? 0 : input.r.data()[k];
@@ -274,7 +273,6 @@ constexpr std::array<Parameter, 5> kParameters{
 constexpr std::array<KnownTable, 3> kTables{
     {{"influence", kAnyNumber, 26}, {"gauge_scale", 1, kPerChannel, false}, {"rigid", kPerChannel, 3, false}}};
 
-// Returns the fault of the kind of contact, "" if there is none.
 std::string fault_of_contact(const CalibrationData& data) {
     const double contact = data["contact"];
     const std::size_t n = data.calibration().channels.size();

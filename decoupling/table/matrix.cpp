@@ -1,6 +1,6 @@
 // Model "table", method "matrix": r = G load with a forward gain for each gauge and each of fx fy fz mx my, solved by
-// weighted least squares from the usable gauges. The moments need the outer gauges: the inner four respond to Fx and
-// My alike (finite elements, decoupling/table/README.md). Mz cannot be measured.
+// weighted least squares from the usable gauges. The moments need the outer gauges: the inner four respond to Fx and My
+// alike (finite elements, decoupling/table/README.md). Mz is not measurable.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 

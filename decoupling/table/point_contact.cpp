@@ -8,7 +8,7 @@
 namespace tactiled {
 namespace {
 
-constexpr double kLinear_m = 1e-6;  // a smaller step is the last, and the force changes linearly with it
+constexpr double kLinear_m = 1e-6;  // a step below this length is the last one; the force is linear over its length
 constexpr double kLargest_m = 1.5e-4;
 constexpr double kAlong_sd = 3;  // distance along the worst direction at which the contact is evaluated again
 constexpr double kRank = 1e-9;   // a column whose orthogonal part is shorter than this share of it is dependent

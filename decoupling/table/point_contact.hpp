@@ -16,7 +16,7 @@ struct PointContact {
     Eigen::Vector2d point_m = Eigen::Vector2d::Zero();
     Eigen::Vector3d force_N = Eigen::Vector3d::Zero();
     double squares = 0;      // squared residual, reading units squared
-    bool at_rim = false;     // limited to the rim: the readings indicate a point further out
+    bool at_rim = false;     // limited to the rim, because the readings indicate a point further out
     bool converged = false;  // the last step was below 1 um
     double damping = 1e-4;   // damping of the next step
     // One standard deviation: force (N), moments mx my (Nm). Filled by deviations().

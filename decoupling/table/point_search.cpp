@@ -8,7 +8,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kAngles = 96;  // twice the map's own, and so are the rings: beside a column minima are 60 um apart
+constexpr std::size_t kAngles = 96;  // twice the number of the map, as for the rings: beside a column minima are 60 um apart
 constexpr std::size_t kBlocksAStep = 128, kRingsAStep = 10;
 // Number of points that continue in each round, and their evaluations of the map.
 struct Round {
@@ -145,7 +145,7 @@ void PointSearch::pick(std::size_t ring, std::size_t angle) noexcept {
     candidates_[place].contact.squares = std::numeric_limits<double>::infinity();
 }
 
-// Refines one candidate of this round; after the last candidate the better ones continue.
+// Refines one candidate of this round. After the last candidate, the better ones enter the next round.
 void PointSearch::downhill() noexcept {
     if (n_candidates_ == 0) {  // readings that are not finite
         candidates_[0] = {};

@@ -1,6 +1,6 @@
-// Searches the whole plate for the one contact that explains the gauges best, and checks whether another one explains
-// them as well: a grid, its local minima, and a descent from each, with the worse ones dropped round by round. The
-// search runs in pieces, so that it can continue beside the samples.
+// Searches the whole plate for the contact that explains the gauges best, and checks for another contact that explains them
+// as well. The steps are a grid, its local minima, and a descent from each; each round drops the worse ones. The search runs
+// in pieces, so that it can continue beside the samples.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -18,8 +18,8 @@ public:
 
     explicit PointSearch(const PointSolver& solver);  // setup; the solver must outlive the search
 
-    // Starts a search for these readings. Rows outside of `usable` are ignored, at most two may be. `variance`: of a
-    // reading. rt: wait-free
+    // Starts a search for these readings. Rows outside of `usable` are ignored; at most two rows may be unusable.
+    // `variance`: of a reading. rt: wait-free
     void begin(const Gauges& y, std::uint32_t usable, double variance) noexcept;
     // Does the next piece. Returns true if it was the last. rt: wait-free, about 3 us
     bool step() noexcept;

@@ -9,18 +9,18 @@
 namespace tactiled::tool {
 namespace {
 
-constexpr std::uint64_t kFresh_ns = 100'000'000;  // an acceleration that was told
-constexpr std::uint64_t kApart_ns = 50'000'000;   // samples of one sum
+constexpr std::uint64_t kFresh_ns = 100'000'000;  // maximum age of a reported acceleration
+constexpr std::uint64_t kApart_ns = 50'000'000;   // maximum difference in time of the samples of one sum
 constexpr double kMinG_m_s2 = 9.69,
-                 kMaxG_m_s2 = 9.91;                // on Earth, and rounding: another length is another unit, or no gravity
-constexpr double kNoPart = 1e-6;                   // part of an axis: rounding of a rotation
-constexpr double kSteady_sds = 4, kSteady = 0.02;  // times the sensor's noise; part of the weight that it carries
+                 kMaxG_m_s2 = 9.91;                // on Earth, with rounding
+constexpr double kNoPart = 1e-6;                   // a smaller part of an axis is the rounding of a rotation
+constexpr double kSteady_sds = 4, kSteady = 0.02;  // times the sensor's noise; part of the weight that the sensor carries
 
 using Vector3 = Eigen::Vector3d;
 
 Vector3 eigen(const Vector& v) noexcept { return {v[0], v[1], v[2]}; }
 
-// Turns v_S into v_G, with NaN only where a component that is not seen takes part.
+// Rotates v_S into v_G, with NaN only for components that depend on an unmeasured component.
 Vector3 to_G(const std::array<Vector, 3>& S_from_G, const Vector3& v_S) noexcept {
     Vector3 v_G = Vector3::Zero();
     for (std::size_t k = 0; k < 3; ++k)
@@ -35,7 +35,7 @@ Vector3 to_S(const std::array<Vector, 3>& S_from_G, const Vector3& v_G) noexcept
     return v_S;
 }
 
-// Standard deviation of to_G(v_S) where the components of v_S err independently.
+// Returns the standard deviation of to_G(v_S) if the errors of the components of v_S are independent.
 Vector3 sd_to_G(const std::array<Vector, 3>& S_from_G, const Vector3& sd_S) noexcept {
     Vector3 variance = Vector3::Zero();
     for (std::size_t k = 0; k < 3; ++k)
@@ -52,7 +52,7 @@ Vector3 cross_sd(const Vector3& arm, const Vector3& sd) noexcept {  // sd of arm
             std::hypot(arm.x() * sd.y(), arm.y() * sd.x())};
 }
 
-// arm x force, with NaN only where a force that is not seen takes part.
+// arm x force, with NaN only for components that depend on an unmeasured force.
 Vector3 cross(const Vector3& arm, const Vector3& f) noexcept {
     const auto times = [](double a, double b) { return std::abs(a) > 0 ? a * b : 0.0; };
     return {times(arm.y(), f.z()) - times(arm.z(), f.y()), times(arm.z(), f.x()) - times(arm.x(), f.z()),
@@ -101,7 +101,7 @@ bool Tool::reports_acceleration() const noexcept {
     return acceleration_reported_ && t_ns_ < acceleration_ns_ + kFresh_ns && acceleration_ns_ < t_ns_ + kFresh_ns;
 }
 
-// The zero of a tare contains the weight of the hand as it hung then.
+// The zero of a tare contains the weight of the hand in its orientation at that time.
 void Tool::sample(std::size_t index, const Sample& sample) noexcept {
     if (index >= sensors_.size()) return;
     Sensor& sensor = sensors_[index];
@@ -110,7 +110,7 @@ void Tool::sample(std::size_t index, const Sample& sample) noexcept {
         sample.tare_count != sensor.last.tare_count || (sample.tare_count != 0 && sample.tare_S != sensor.last.tare_S);
     if (sample.tare_count != 0 && (!sensor.seen || another_tare)) {
         const bool measured = sensor.seen && sensor.last.taring && sensor.changes_before == gravity_changes_;
-        const bool assumed = !gravity_told_;  // a hand that stays as it is configured
+        const bool assumed = !gravity_told_;  // a hand whose configured orientation does not change
         sensor.tare_gravity_G = gravity_known_ && (measured || assumed) ? gravity_G_ : Vector{kNaN, kNaN, kNaN};
         sensor.tare_assumed = assumed;
     }
@@ -120,7 +120,7 @@ void Tool::sample(std::size_t index, const Sample& sample) noexcept {
     follow_rest(sensor);
 }
 
-// A steady force is that of a hand at rest, for no arm accelerates for longer than accelerates_ms.
+// A steady force shows a hand at rest, because no arm accelerates for longer than accelerates_ms.
 void Tool::follow_rest(Sensor& sensor) noexcept {
     Vector& rest = rest_S_N_[std::size_t(&sensor - sensors_.data())];
     if (sensor.setup.mass_kg <= 0) return;
@@ -176,7 +176,7 @@ Tool::Turned Tool::turned(const Sensor& sensor, const Vector& pull_G, double unk
     const double weight_Nm = std::hypot(mass_N * arm_G.norm(), s.centre_sd_m * weight_G.norm());
     const Vector3 sd_Nm = added(added(sd_to_G(s.S_from_G, part(sensor.last.sd, 3)), zero_Nm),
                                 added(cross_sd(position_G, sd_N), Vector3::Constant(weight_Nm)));
-    // The direction of gravity, now and at the tare, and an acceleration that nothing reports err alike for all sensors.
+    // Common errors of all sensors: direction of gravity, now and at the tare, and an unreported acceleration.
     const double pulls = carries ? eigen(pull_G).norm() * kDown_rad * (tared ? std::sqrt(2.0) : 1) : 0;
     const double common_N = s.mass_kg * std::hypot(pulls, unknown_m_s2);
     for (std::size_t i = 0; i < 3; ++i) {

@@ -1,6 +1,6 @@
-// From the forces of sensors in their own frames to the wrench that the world exerts on the gripper, in its frame G: turned,
-// about the origin of G, less the weight of the part of the hand that each sensor carries. Like the grasp, it never fails: a
-// value that is not known is NaN, and `why` says the reason.
+// Converts the forces of sensors in their own frames to the wrench that the world exerts on the gripper, in the gripper's
+// frame G: rotated, about the origin of G, minus the weight of the part of the hand that each sensor carries. It never
+// fails: an unknown value is NaN, and `why` has the reason.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -15,8 +15,8 @@ inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 inline constexpr double kDown_rad = 0.01;  // uncertainty of the direction of gravity
 using Vector = std::array<double, 3>;
 
-// A sensor and the part of the hand that it carries: what is between its skin and the world, or all of the hand behind a
-// wrist. v_S = S_from_G v_G.
+// A sensor and the part of the hand that it carries: the part between its skin and the world, or for a wrist sensor the
+// whole hand. v_S = S_from_G v_G.
 struct SensorSetup {
     std::uint32_t sensor = 0;  // index in the node
     std::array<Vector, 3> S_from_G{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
@@ -24,7 +24,7 @@ struct SensorSetup {
     double mass_kg = 0, mass_sd_kg = 0;
     Vector centre_G_m{};  // centre of that mass
     double centre_sd_m = 0;
-    Vector zero_S_N{}, zero_S_Nm{};  // raw reading without any load and any weight, where no tare is in force
+    Vector zero_S_N{}, zero_S_Nm{};  // raw reading without load and weight, used if no tare is in force
     double zero_sd_N = 0, zero_sd_Nm = 0;
 
     bool operator==(const SensorSetup&) const = default;
@@ -32,9 +32,9 @@ struct SensorSetup {
 
 struct Setup {
     std::vector<SensorSetup> sensors;
-    Vector gravity_G_m_s2{};       // until a command says otherwise; all 0: not known
-    double acceleration_m_s2 = 2;  // the largest of the arm, where nothing reports it
-    double accelerates_ms = 1000;  // an arm accelerates for at most so long; then a steady force is that of a hand at rest
+    Vector gravity_G_m_s2{};       // until a command changes it; all 0: unknown
+    double acceleration_m_s2 = 2;  // the largest of the arm, used if none is reported
+    double accelerates_ms = 1000;  // maximum duration of an acceleration; afterwards a steady force shows a hand at rest
 
     bool operator==(const Setup&) const = default;
 };
@@ -42,7 +42,7 @@ struct Setup {
 // The raw wrench of one sensor at one instant and the zero of its tare.
 struct Sample {
     std::uint64_t t_ns = 0;
-    std::array<double, 6> raw_S{}, tare_S{}, sd{};  // force in N, torque in Nm; tare_S: that raw_S contains
+    std::array<double, 6> raw_S{}, tare_S{}, sd{};  // force in N, torque in Nm; raw_S includes tare_S
     tactiled_quality quality = TACTILED_BAD;
     std::uint32_t tare_count = 0;  // 0: no tare is in force
     bool taring = false;
@@ -52,18 +52,18 @@ class Tool {
 public:
     explicit Tool(const Setup& setup);
 
-    // The next sample of sensor `index` of the setup. rt: wait-free
+    // Processes the next sample of sensor `index` of the setup. rt: wait-free
     void sample(std::size_t index, const Sample& sample) noexcept;
 
-    // Data of the robot in G, NaN: not known any more. rt: wait-free
+    // Data of the robot in G; NaN: no longer known. rt: wait-free
     void gravity(const Vector& gravity_G_m_s2) noexcept;
     void acceleration(const Vector& acceleration_G_m_s2,
-                      std::uint64_t t_ns) noexcept;  // acceleration of the hand; good for 100 ms
+                      std::uint64_t t_ns) noexcept;  // acceleration of the hand; valid for 100 ms
 
     // rt: bounded by the sensors
     [[nodiscard]] tactiled_tool state() const noexcept;
 
-    // Goes on in the place of `before`, which was configured otherwise. rt: wait-free
+    // Takes over the state of `before`, which had another configuration. rt: wait-free
     void succeed(const Tool& before) noexcept;
 
 private:
@@ -71,14 +71,14 @@ private:
         SensorSetup setup;
         Sample last{};
         bool seen = false;
-        Vector tare_gravity_G{kNaN, kNaN, kNaN};  // when it was tared; NaN: not known
-        bool tare_assumed = false;                // gravity as configured: not true once the robot reports another one
-        std::uint32_t changes_before = 0;         // changes of gravity before the tare that is being measured
+        Vector tare_gravity_G{kNaN, kNaN, kNaN};  // at the time of the tare; NaN: unknown
+        bool tare_assumed = false;                // tared with the configured gravity: invalid if the robot reports another
+        std::uint32_t changes_before = 0;         // number of changes of gravity before the present tare began
     };
     struct Turned {
         std::uint32_t why = 0;  // enum tactiled_tool_why
         std::array<double, 6> wrench_G{}, sd{};
-        std::array<double, 6> common{};  // the part of sd that all sensors have in common, linear
+        std::array<double, 6> common{};  // the part of sd that is common to all sensors, added linearly
     };
     [[nodiscard]] Turned turned(const Sensor& sensor, const Vector& pull_G, double unknown_m_s2) const noexcept;
     [[nodiscard]] bool reports_acceleration() const noexcept;
@@ -92,7 +92,7 @@ private:
     std::uint32_t gravity_changes_ = 0;
     std::uint64_t acceleration_ns_ = 0, t_ns_ = 0;
     bool acceleration_reported_ = false;
-    // The hand rests since then, as far as a steady force shows it.
+    // State of the hand at rest: the steady forces, and the time since which they are steady.
     std::vector<Vector> rest_S_N_;
     std::uint64_t moved_ns_ = 0;
 };

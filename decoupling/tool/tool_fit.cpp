@@ -10,9 +10,9 @@
 namespace tactiled::tool {
 namespace {
 
-constexpr double kSpread = 0.2;       // least singular value of the directions of gravity, relative to their rms
-constexpr double kMinMass_sds = 3;    // times the sd of the mass: less is no mass
-constexpr double kMaxResidual = 0.1;  // part of the weight: more is another hand, or something that touched it
+constexpr double kSpread = 0.2;       // minimum singular value of the directions of gravity, relative to their rms
+constexpr double kMinMass_sds = 3;    // a mass below this many sd counts as none
+constexpr double kMaxResidual = 0.1;  // part of the weight: a larger residual shows another hand, or contact
 
 using Matrix = Eigen::MatrixXd;
 using Numbers = Eigen::VectorXd;
@@ -44,14 +44,14 @@ Eigen::Matrix3d skew(const Vector3& v) {
     return m;
 }
 
-// The directions of gravity must differ, or the weight cannot be told from the zero.
+// The directions of gravity must differ, because otherwise weight and zero cannot be separated.
 bool spread(std::span<const Pose> poses) {
     Matrix g(Eigen::Index(poses.size()), 3);
     for (std::size_t i = 0; i < poses.size(); ++i)
         g.row(Eigen::Index(i)) = Vector3(poses[i].gravity_G_m_s2.data()).normalized();
     g.rowwise() -= g.colwise().mean().eval();
     const Numbers values = Eigen::JacobiSVD<Matrix>(g).singularValues() / std::sqrt(double(poses.size()));
-    return values[1] > kSpread;  // two directions at least, so that the torque tells the centre
+    return values[1] > kSpread;  // at least two directions, so that the torque determines the centre
 }
 
 }  // namespace
@@ -68,7 +68,7 @@ Fit fit_tool(std::span<const Pose> poses, const std::array<Vector, 3>& rows, con
     for (int r = 0; r < 3; ++r)
         for (int c = 0; c < 3; ++c) S_from_G(r, c) = rows[std::size_t(r)][std::size_t(c)];
 
-    // Force: m and the zero of each component that is seen.
+    // Force: m and the zero of each measured component.
     std::array<bool, 6> seen{};
     for (std::size_t k = 0; k < 6; ++k)
         seen[k] = std::all_of(poses.begin(), poses.end(), [&](const Pose& p) { return std::isfinite(p.raw_S[k]); });
