@@ -18,6 +18,15 @@ public:
         Ring::commit();
         if (wake_ != nullptr) wake_->wake();
     }
+    // Publishes one command. Returns false if there is no room: the pipeline hangs. rt: one system call
+    [[nodiscard]] bool send(const Command& command) noexcept {
+        Command* const slot = claim();
+        if (slot == nullptr) return false;
+        *slot = command;
+        push();
+        commit();
+        return true;
+    }
 
 private:
     WakeWord* wake_;

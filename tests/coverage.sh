@@ -22,5 +22,5 @@ gcov=$PWD/tests/gcov_as_written.py
 gcovr build/coverage/{config,drivers/CMakeFiles/drivers.dir,node/CMakeFiles/node_core.dir,node/CMakeFiles/interfaces.dir} --root . --object-directory build/coverage --gcov-executable "$gcov" --gcov-ignore-parse-errors --exclude-throw-branches --exclude-unreachable-branches --branches --sort-uncovered \
     --exclude-branches-by-pattern ".*assert\(.*" \
     --filter 'config/(options|config|calibration|problems|network_address|text_file|grasp|gpio)\.cpp' --filter 'drivers/wire/.*' \
-    --filter 'node/(quality|objects|method_costs|reload)\.cpp' --filter 'node/modbus/(responder|connection|controls|controls_write|rtu|allow_list|teaching)\.cpp' "$@"
+    --filter 'node/(quality|objects|method_costs|reload)\.cpp' --filter 'node/modbus/(responder|connection|controls|controls_commands|controls_write|rtu|allow_list|teaching)\.cpp' "$@"
 exit $status

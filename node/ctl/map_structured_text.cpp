@@ -16,20 +16,14 @@ namespace {
 
 using namespace modbus;
 
-const Area& area_with(Block block) {
-    for (const Area& area : areas())
-        if (area.block == block && !area.low_word_first) return area;
-    return areas().front();
-}
-
 bool is_flag(const Register& r) { return r.type == Type::bits || r.type == Type::mask; }
 // Forces and torques become REAL in SI units, with a bit that is set if there is a value.
-bool is_force(const Register& r) { return r.type == Type::i16 && (r.unit == "0.01 N" || r.unit == "0.001 Nm"); }
+bool is_force(const Register& r) { return r.type == Type::i16 && (r.unit.text == "0.01 N" || r.unit.text == "0.001 Nm"); }
 bool is_wire_only(const Register& r) {
     return r.name == "SEQ_END" || r.name == "MAGIC0" || r.name == "MAGIC1" || r.name == "SCALE";
 }
-bool is_scaled(const Register& r) { return r.unit == "0.01 N"; }  // in the block of a sensor: in counts of SCALE
-std::string si_name(const Register& r) { return fmt::format("{}_{}", r.name, r.unit == "0.001 Nm" ? "NM" : "N"); }
+bool is_scaled(const Register& r) { return r.unit.text == "0.01 N"; }  // in the block of a sensor: in counts of SCALE
+std::string si_name(const Register& r) { return fmt::format("{}_{}", r.name, r.unit.text == "0.001 Nm" ? "NM" : "N"); }
 
 void field(std::string& out, std::string_view name, std::string_view type, std::string_view meaning) {
     out += fmt::format("    {} : {};", name, type);
@@ -49,7 +43,7 @@ void declare(std::string& out, std::string_view type, const Area& area) {
     out += fmt::format("TYPE {} :\nSTRUCT\n", type);
     for (const Register& r : area.registers) {
         if (is_wire_only(r)) continue;
-        const std::string_view unit = area.block == Block::sensor && is_scaled(r) ? "UNIT_N" : r.unit;
+        const std::string_view unit = area.block == Block::sensor && is_scaled(r) ? "UNIT_N" : r.unit.text;
         const std::string meaning = fmt::format("{}{}{}", unit, unit.empty() || r.meaning.empty() ? "" : ", ", r.meaning);
         if (is_force(r))
             field(out, si_name(r), "REAL", r.meaning);

@@ -32,7 +32,7 @@ unsigned address_of(const Area& area, const Register& r) { return is_block(area)
 bool is_holding_only(const Area& area) { return area.block == Block::controls || area.block == Block::scratch; }
 
 std::string access_of(const Register& r) {
-    if (r.limits.max < r.limits.min) return "r";
+    if (!r.is_writable()) return "r";
     return r.limits.locked ? "rw, locked" : "rw";
 }
 
@@ -60,7 +60,7 @@ std::string meaning_of(const Area& area, const Register& r, const char* separato
 }
 
 std::string range_of(const Register& r) {
-    if (r.limits.max < r.limits.min || (r.limits.min == 0 && r.limits.max == 65535)) return "";
+    if (!r.is_writable() || (r.limits.min == 0 && r.limits.max == 65535)) return "";
     return fmt::format("{} .. {}{}", r.limits.min, r.limits.max,
                        r.limits.locked ? ", or 65535 for the configured value" : "");
 }
@@ -128,12 +128,12 @@ std::string map_markdown() {
             const std::string meaning = meaning_of(area, r, " · ");
             if (writable) {
                 out += fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} |\n", at, 40001 + at, r.name, type_text(r.type),
-                                   r.unit, access_of(r), range_of(r), meaning);
+                                   r.unit.text, access_of(r), range_of(r), meaning);
                 continue;
             }
             if (is_block(area)) out += fmt::format("| {} ", r.at);
             out += fmt::format("| {} | {} / {} | {} | {} | {} | {} |\n", at, 30001 + at, 40001 + at, r.name,
-                               type_text(r.type), r.unit, meaning);
+                               type_text(r.type), r.unit.text, meaning);
         }
     }
     out +=
@@ -164,10 +164,10 @@ std::string map_csv() {
                 Register r = plain;
                 r.at = std::uint16_t(r.at + n * area.repeats);
                 const unsigned at = address_of(area, r);
-                const bool writable = r.limits.max >= r.limits.min;
+                const bool writable = r.is_writable();
                 out += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", area.prefix, at,
                                    is_holding_only(area) ? "" : std::to_string(30001 + at), 40001 + at, size_of(r),
-                                   area.repeats != 0 ? std::to_string(n) : "", r.name, type_text(r.type), r.unit,
+                                   area.repeats != 0 ? std::to_string(n) : "", r.name, type_text(r.type), r.unit.text,
                                    quoted(access_of(r)), writable ? std::to_string(r.limits.min) : "",
                                    writable ? std::to_string(r.limits.max) : "", quoted(meaning_of(area, plain, "; ")),
                                    quoted(mbpoll_of(area, r)));
@@ -191,10 +191,10 @@ std::string map_json() {
                                        {"registers", size_of(r)},
                                        {"name", r.name},
                                        {"type", type_text(r.type)},
-                                       {"unit", r.unit},
+                                       {"unit", r.unit.text},
                                        {"access", access_of(r)},
                                        {"low_word_first", area.low_word_first}};
-            if (r.limits.max >= r.limits.min) row["least"] = r.limits.min, row["most"] = r.limits.max;
+            if (r.is_writable()) row["least"] = r.limits.min, row["most"] = r.limits.max;
             row["meaning"] = r.meaning;
             for (const Name& name : names_of(fmt::format("{}.{}", area.prefix, r.name)))
                 row["values"][std::to_string(name.value)] = name.name;
@@ -233,8 +233,8 @@ std::string map_manual_page() {
             if (area.low_word_first) break;
             out += fmt::format(".TP 8\n{}{}\n.B {}\n{}", is_block(area) ? "+" : "", r.at, safe(std::string(r.name)),
                                type_text(r.type));
-            if (!r.unit.empty()) out += fmt::format(", {}", r.unit);
-            if (r.limits.max >= r.limits.min) out += ", " + access_of(r);
+            if (!r.unit.text.empty()) out += fmt::format(", {}", r.unit.text);
+            if (r.is_writable()) out += ", " + access_of(r);
             if (const std::string range = range_of(r); !range.empty()) out += ", " + range;
             const std::string meaning = meaning_of(area, r, "; ");
             out += meaning.empty() ? "\n" : fmt::format(". {}\n", safe(meaning));

@@ -1,7 +1,6 @@
 // Writes of a PLC: commands, hints, settings, scratch. A write is checked completely before any part of it is carried
 // out.
 #pragma once
-#include <array>
 #include <atomic>
 #include <cstdint>
 #include <span>
@@ -13,6 +12,7 @@
 #include "node/modbus/request_validator.hpp"
 #include "node/modbus/robot.hpp"
 #include "node/modbus/teaching.hpp"
+#include "node/modbus/words.hpp"
 #include "node/pipeline.hpp"
 #include "node/realtime.hpp"
 
@@ -25,6 +25,8 @@ struct Session {
     std::uint64_t unlocked_until_ns = 0;  // end of the time in which settings may be written
 };
 
+struct PlcCommand;  // controls_commands.cpp
+
 class Controls {
 public:
     // `commands` leads to the pipeline: the ring of TACTILED_FROM_MODBUS. Reads the settings that SAVE has stored.
@@ -33,7 +35,7 @@ public:
     Controls(const Controls&) = delete;
     Controls& operator=(const Controls&) = delete;
 
-    // Follows the running command, if there is one. Called before check(), write() and add_to_global().
+    // Follows the running command, if there is one. Called before check(), write() and report().
     void follow(const View& view, std::uint64_t now_ns) noexcept;
 
     // Checks whether a write of functions 5, 6, 15, 16, 22, 23 may be carried out now; changes nothing.
@@ -47,41 +49,35 @@ public:
     // Reads the registers of `run`, which is in the controls or in scratch.
     void read(Run run, const Session& session, std::uint64_t now_ns, std::uint16_t* out) const noexcept;
     void read_coils(const View& view, std::span<std::uint8_t, kCoils> out) const noexcept;
-    // Adds acknowledgement of this client's command, echo, and the bits of STATUS and FAULT that are known here.
-    void add_to_global(const Session& session, std::uint64_t now_ns,
-                       std::span<std::uint16_t, kGlobalSize> global) const noexcept;
-    // Fills in the outcome of this client's commands.
-    void read_commands(const Session& session, std::span<std::uint16_t, kCommandsSize> out) const noexcept;
+    // Returns the state of this client's commands, echo, and the bits of STATUS and FAULT that are known here.
+    [[nodiscard]] ClientReport report(const Session& session, std::uint64_t now_ns) const noexcept;
     // Notes that this client has been sent its CMD_RESULT.
     void note_read(const Session& session) noexcept { clients_.note_read(session.host); }
 
 private:
-    static constexpr unsigned kSettings = 6;                    // 5030 .. 5035
     static constexpr std::uint64_t kAnswerNs = 15'000'000'000;  // longer than the longest tare
     enum Saving : std::uint8_t { idle, storing, failed };
 
     [[nodiscard]] bool is_busy(const View& view) const noexcept;
     [[nodiscard]] std::uint16_t requested(const Request& request, unsigned i, const Session& session) const noexcept;
-    [[nodiscard]] Exception check_register(std::uint16_t at, std::uint16_t value, const View& view, const Session& session,
+    [[nodiscard]] Exception check_register(unsigned at, std::uint16_t value, const View& view, const Session& session,
                                            std::uint64_t now_ns) const noexcept;
-    [[nodiscard]] Exception check_command_cell(std::uint16_t at, std::uint16_t value, const View& view) const noexcept;
+    [[nodiscard]] bool registers_fit(const Request& request, const Session& session) const noexcept;
+    [[nodiscard]] Exception check_command_cell(unsigned at, std::uint16_t value, const View& view) const noexcept;
     [[nodiscard]] Exception check_coil(const Request& request, unsigned i, const View& view) const noexcept;
-    void write_register(std::uint16_t at, std::uint16_t value, const View& view, Session& session,
+    [[nodiscard]] static bool coils_are_one_command(const Request& request) noexcept;
+    [[nodiscard]] bool plc_is_silent(std::uint64_t now_ns) const noexcept;
+    void write_register(unsigned at, std::uint16_t value, const View& view, Session& session, std::uint64_t now_ns) noexcept;
+    void write_coils(const Request& request, const Session& session, std::uint64_t now_ns) noexcept;
+    void run_block(CommandClient& client, const View& view, std::uint64_t now_ns) noexcept;
+    void run_command_cell(unsigned at, std::uint16_t value, const View& view, const Session& session,
+                          std::uint64_t now_ns) noexcept;
+    std::uint32_t start(const PlcCommand& command, std::uint32_t mask, std::uint32_t id, double mass_kg, const View& view,
                         std::uint64_t now_ns) noexcept;
-    void run_command(CommandClient& client, const View& view, std::uint64_t now_ns) noexcept;
-    void write_command_cell(std::uint16_t at, std::uint16_t value, const View& view, const Session& session,
-                            std::uint64_t now_ns) noexcept;
     void begin_direct(const Session& session, std::uint16_t code, std::uint32_t number, std::uint64_t now_ns) noexcept;
     void follow_direct(const tactiled_command& answer, std::uint64_t now_ns) noexcept;
-    [[nodiscard]] bool takes_more_than_one_command(const Request& request, const Session& session) const noexcept;
-    [[nodiscard]] bool contact_is_upside_down(const Request& request, const Session& session) const noexcept;
-    [[nodiscard]] bool gravity_is_none(const Request& request, const Session& session) const noexcept;
-    [[nodiscard]] bool plc_is_silent(std::uint64_t now_ns) const noexcept;
-    void write_coils(const Request& request, const Session& session, std::uint64_t now_ns) noexcept;
     // Sends a command. Returns the number by which the pipeline acknowledges it, 0 if the pipeline does not take it.
     std::uint32_t send(Command command, std::uint64_t now_ns) noexcept;
-    std::uint32_t send(Command::Kind kind, std::uint32_t mask, std::uint64_t now_ns) noexcept;
-    std::uint32_t send_known_weight(double mass_kg, std::uint64_t now_ns) noexcept;
     void hand_over_objects(std::uint64_t now_ns) noexcept;
     void follow_teaching(const tactiled_command& answer) noexcept;
     void send_settings() noexcept;
@@ -92,10 +88,8 @@ private:
     bool enabled_, weighs_;
     std::string path_;
     CommandRing& commands_;
-    std::array<std::uint16_t, kScratchSize> scratch_{};
     CommandClients clients_;
-    std::array<std::uint16_t, kSettings> settings_;
-    std::uint16_t heartbeat_ = 0, watchdog_ms_ = 0;
+    Words words_;  // all but the command blocks, which are in clients_
     Robot robot_;
     std::uint64_t heartbeat_ns_ = 0;
     std::uint64_t unlocked_until_ns_ = 0;  // by any client
@@ -116,7 +110,7 @@ private:
     std::atomic<Saving> saving_{idle};
     bool settings_unsent_ = false;
     std::atomic<bool> unreadable_{false};  // the settings of an earlier SAVE cannot be read
-    std::array<std::uint16_t, kSettings> to_save_{};
+    Words to_save_;
     RtThread saver_;
 };
 

@@ -1,9 +1,10 @@
-// The effect of a valid write, and the values that are read back.
+// Writes of registers: checks, effects, and the words that are read back.
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "config/text_file.hpp"
 #include "node/log.hpp"
@@ -14,233 +15,130 @@ namespace {
 
 constexpr std::uint64_t kUnlockNs = 30'000'000'000;
 
-bool is_setting(std::uint16_t at) { return at >= kFilterHz && at <= kWeighWindow; }
+bool is_command_cell(unsigned at) { return at >= kTareCell && at <= kKnownWeightCell; }
 
-// The settings file's keys, in the order of the registers; value = register * scale.
-struct Key {
-    const char* name;
-    double scale;
-};
-constexpr Key kKeys[] = {{"filter_hz", 1},     {"contact_on_N", 0.01},  {"contact_off_N", 0.01},
-                         {"overload_N", 0.01}, {"slip_sensitivity", 1}, {"weigh_window_ms", 1}};
+// The settings file's keys of the registers from kFilterHz on.
+constexpr const char* kKeys[] = {"filter_hz",  "contact_on_N",     "contact_off_N",
+                                 "overload_N", "slip_sensitivity", "weigh_window_ms"};
 
 }  // namespace
 
-// ---- writing ---------------------------------------------------------------------------------------------------------
+// ---- checks ----------------------------------------------------------------------------------------------------------
+
+// Returns the value that the request would write to register number i of its run.
+std::uint16_t Controls::requested(const Request& request, unsigned i, const Session& session) const noexcept {
+    const auto word = [&](std::size_t at) { return std::uint16_t(request.written[at] << 8 | request.written[at + 1]); };
+    if (request.function != kMaskWrite) return word(2 * std::size_t(i));
+    std::uint16_t now = 0;
+    read(request.write, session, 0, &now);
+    return std::uint16_t((now & word(0)) | (word(2) & ~word(0)));  // 1.1b3, 6.16
+}
+
+Exception Controls::check(const Request& request, const View& view, const Session& session,
+                          std::uint64_t now_ns) const noexcept {
+    if (!enabled_ || !session.may_write) return kIllegalAddress;  // read-only for this client
+    const bool coils = writes_coils(request);
+    Exception first = kNone;  // in the order of the run; a wrong address comes before a wrong value
+    for (unsigned i = 0; i < request.write.count; ++i) {
+        const unsigned at = request.write.at + i;
+        const Exception found = !coils ? check_register(at, requested(request, i, session), view, session, now_ns)
+                                       : check_coil(request, i, view);
+        if (found == kIllegalAddress) return found;
+        if (first == kNone) first = found;
+    }
+    if (first != kNone) return first;
+    return (coils ? coils_are_one_command(request) : registers_fit(request, session)) ? kNone : kIllegalValue;
+}
+
+// Returns whether the registers of a write are allowed together: at most one command, a hysteresis whose end is not above
+// its begin, a gravity as on Earth. Words that were not written count as they are.
+bool Controls::registers_fit(const Request& request, const Session& session) const noexcept {
+    const auto written = [&](unsigned at) { return at >= request.write.at && at < request.write.at + request.write.count; };
+    Words after = words_;
+    int commands = 0;
+    for (unsigned i = 0; i < request.write.count; ++i) {
+        const unsigned at = request.write.at + i;
+        const std::uint16_t value = after[at] = requested(request, i, session);
+        commands += (is_command_cell(at) && value != 0) || (at == kCmdSeq && clients_.at(session.host).runs(value)) ? 1 : 0;
+    }
+    const std::uint16_t on = after[kContactOn], off = after[kContactOff];
+    const bool contact_is_upside_down =
+        (written(kContactOn) || written(kContactOff)) && on != kAsConfigured && off != kAsConfigured && off > on;
+    return commands <= 1 && !contact_is_upside_down && (!written(kGravityX + 2) || Robot::is_gravity(after));
+}
+
+Exception Controls::check_register(unsigned at, std::uint16_t value, const View& view, const Session& session,
+                                   std::uint64_t now_ns) const noexcept {
+    if (at >= kScratchAt) return kNone;
+    const Limits& limits = writable_at(at)->limits;
+    if (limits.locked && now_ns > session.unlocked_until_ns) return kIllegalAddress;
+    const bool as_configured = limits.locked && value == kAsConfigured;
+    if ((value < limits.min || value > limits.max) && !as_configured) return kIllegalValue;
+    if (at == kPlcWatchdog && value != 0 && value < 10) return kIllegalValue;
+    if (at == kUnlock && value != kUnlockWord && value != 0) return kIllegalValue;
+    if (is_command_cell(at) && value != 0) return check_command_cell(at, value, view);
+    const bool command = at == kCmdSeq && clients_.at(session.host).runs(value);
+    if (command && is_busy(view)) return kBusy;  // one at a time, so that CMD_STATE refers to the right command
+    if (command && !view.alive) return kDeviceFailure;
+    if (at == kSave && saving_.load() == storing) return kBusy;
+    return kNone;
+}
+
+// ---- effects ---------------------------------------------------------------------------------------------------------
 
 void Controls::write(const Request& request, const View& view, Session& session, std::uint64_t now_ns) noexcept {
-    if (request.function == kWriteCoil || request.function == kWriteCoils) return write_coils(request, session, now_ns);
+    if (writes_coils(request)) return write_coils(request, session, now_ns);
     for (unsigned i = 0; i < request.write.count; ++i)
-        write_register(std::uint16_t(request.write.at + i), requested(request, i, session), view, session, now_ns);
+        write_register(request.write.at + i, requested(request, i, session), view, session, now_ns);
     const unsigned end = request.write.at + request.write.count;
     if (request.write.at <= kWeighWindow && end > kFilterHz) send_settings();
     robot_.send(commands_);
 }
 
-void Controls::write_coils(const Request& request, const Session& session, std::uint64_t now_ns) noexcept {
-    std::uint32_t tare = 0, slips = 0;
-    bool clear = false, weigh = false;
-    for (unsigned i = 0; i < request.write.count; ++i) {
-        const unsigned at = request.write.at + i;
-        if (!is_set(request, i)) continue;
-        if (at < kSlipCoils)
-            tare |= 1u << at;
-        else if (at < kClearAllCoil)
-            slips |= 1u << (at - kSlipCoils);
-        clear |= at == kClearAllCoil;
-        weigh |= at == kWeighCoil;
-    }
-    const auto run = [&](std::uint16_t code, Command::Kind kind, std::uint32_t mask) {
-        begin_direct(session, code, send(kind, mask, now_ns), now_ns);
-    };
-    if (tare != 0) run(kTare, Command::Kind::tare, tare);
-    if (slips != 0) run(kClearSlips, Command::Kind::clear_slips, slips);
-    if (clear) run(kClearLatches, Command::Kind::clear_latches, 0);
-    if (weigh) run(kStartWeighing, Command::Kind::start_weighing, 0);
-    if (request.write.at == kWeighCoil && !weigh) run(kStopWeighing, Command::Kind::stop_weighing, 0);
-}
-
-// DIRECT_STATE and DIRECT_RESULT report the outcome of a command of one register or coil.
-void Controls::begin_direct(const Session& session, std::uint16_t code, std::uint32_t number,
-                            std::uint64_t now_ns) noexcept {
-    CommandClient& client = clients_.of_writer(session.host, now_ns);
-    client.direct_code = code;
-    ++client.direct_count;
-    client.direct_number = number;
-    client.direct_ns = now_ns;
-    client.direct = {TACTILED_COMMAND_RUNNING, TACTILED_COMMAND_OK};
-    if (number == 0) client.direct = {TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED};  // the pipeline hangs
-}
-
-void Controls::write_command_cell(std::uint16_t at, std::uint16_t value, const View& view, const Session& session,
-                                  std::uint64_t now_ns) noexcept {
-    const auto run = [&](std::uint16_t code, Command::Kind kind, std::uint32_t mask) {
-        begin_direct(session, code, send(kind, mask, now_ns), now_ns);
-    };
-    switch (at) {
-        case kTareCell: return run(kTare, Command::Kind::tare, value);
-        case kUntareCell: return run(kUntare, Command::Kind::untare, value);
-        case kClearLatchCell: return run(kClearLatches, Command::Kind::clear_latches, value);
-        case kResetPeakCell: return run(kResetPeaks, Command::Kind::reset_peaks, value);
-        case kWeighCell: return run(kStartWeighing, Command::Kind::start_weighing, 0);
-        case kZeroWeightCell: return run(kZeroWeight, Command::Kind::zero_weight, 0);
-        case kKnownWeightCell: return begin_direct(session, kKnownWeight, send_known_weight(value * 1e-3, now_ns), now_ns);
-        default:
-            begin_direct(session, kTeach, ~0u, now_ns);
-            teacher_ = &clients_.of_writer(session.host, now_ns);
-            return teaching_.begin(value, weighing_of(view.snapshot.node.grasp));
-    }
-}
-
-void Controls::write_register(std::uint16_t at, std::uint16_t value, const View& view, Session& session,
+void Controls::write_register(unsigned at, std::uint16_t value, const View& view, Session& session,
                               std::uint64_t now_ns) noexcept {
-    if (at >= kScratchAt) {
-        scratch_[at - kScratchAt] = value;
-        return;
+    if (at <= kCmdSeq) {
+        CommandClient& client = clients_.of_writer(session.host, now_ns);
+        client.block[at - kCmd] = value;
+        if (at == kCmdSeq && client.take_number()) run_block(client, view, now_ns);
+    } else if (is_command_cell(at)) {
+        if (value != 0) run_command_cell(at, value, view, session, now_ns);
+    } else if (at == kUnlock) {
+        if (value == 0 && session.unlocked_until_ns == unlocked_until_ns_) unlocked_until_ns_ = 0;
+        session.unlocked_until_ns = value != 0 ? now_ns + kUnlockNs : 0;
+        unlocked_until_ns_ = std::max(unlocked_until_ns_, session.unlocked_until_ns);
+    } else if (at == kSave) {
+        save();
+    } else {
+        const bool changed = std::exchange(words_[at], value) != value;
+        // A block that is written repeatedly does not count as a heartbeat.
+        if (changed && (at == kPlcHeartbeat || at == kPlcWatchdog)) heartbeat_ns_ = now_ns;
+        robot_.note(at, changed, words_, now_ns);
     }
-    if (is_setting(at)) {
-        settings_[at - kFilterHz] = value;
-        return;
-    }
-    if (Robot::has(at)) return robot_.write(at, value, now_ns);
-    if (at >= kTareCell && at <= kKnownWeightCell)
-        return value != 0 ? write_command_cell(at, value, view, session, now_ns) : void();
-    switch (at) {
-        case kPlcHeartbeat:
-            if (value != heartbeat_) heartbeat_ns_ = now_ns;
-            heartbeat_ = value;
-            return;
-        case kPlcWatchdog:
-            if (value != watchdog_ms_)
-                heartbeat_ns_ = now_ns;  // a block that is written repeatedly does not count as a heartbeat
-            watchdog_ms_ = value;
-            return;
-        case kUnlock:
-            if (value == 0 && session.unlocked_until_ns == unlocked_until_ns_) unlocked_until_ns_ = 0;
-            session.unlocked_until_ns = value != 0 ? now_ns + kUnlockNs : 0;
-            unlocked_until_ns_ = std::max(unlocked_until_ns_, session.unlocked_until_ns);
-            return;
-        case kSave: return save();
-        default: break;
-    }
-    CommandClient& client = clients_.of_writer(session.host, now_ns);
-    client.block[at - kCmd] = value;
-    if (at == kCmdSeq && client.take_number()) run_command(client, view, now_ns);
-}
-
-// CMD_SEQ has changed: the block is a command. Its errors are reported in CMD_RESULT, not by an exception.
-void Controls::run_command(CommandClient& client, const View& view, std::uint64_t now_ns) noexcept {
-    const std::array<std::uint16_t, 5>& block = client.taken;
-    const auto settle = [&](tactiled_command_state state, tactiled_command_result result) {
-        client.settle({state, result});
-    };
-    const std::uint32_t mask = block[1];
-    const bool needs_mask = block[0] == kTare || block[0] == kUntare || block[0] == kResetPeaks || block[0] == kSelfTest;
-    if ((mask & ~sensor_mask_of(view)) != 0 || (needs_mask && mask == 0))
-        return settle(TACTILED_COMMAND_REJECTED,
-                      block[0] >= kTare && block[0] <= kTeach ? TACTILED_COMMAND_BAD_MASK : TACTILED_COMMAND_UNKNOWN);
-    const auto follow_number = [&](std::uint32_t number) {
-        client.number = number;
-        sent_ns_ = now_ns;
-        if (number == 0) return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_FAILED);
-        settle(TACTILED_COMMAND_RUNNING, TACTILED_COMMAND_OK);
-        running_ = &client;
-    };
-    const auto run = [&](Command::Kind kind, std::uint32_t sensors) { follow_number(send(kind, sensors, now_ns)); };
-    const std::uint32_t parameter = std::uint32_t(block[2]) << 16 | block[3];
-    const tactiled_grasp& held = view.snapshot.node.grasp;
-    const bool needs_stable = block[0] == kKnownWeight || block[0] == kTeach;
-    const bool weighs = block[0] == kStartWeighing || block[0] == kStopWeighing || block[0] == kZeroWeight || needs_stable;
-    if (weighs &&
-        (!weighs_ || (needs_stable && !is_stable(held)) || (block[0] == kTeach && !is_teachable(weighing_of(held)))))
-        return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
-    if (needs_stable && (parameter == 0 || (block[0] == kTeach && parameter > 65534)))
-        return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_BAD_PARAMETER);
-    switch (block[0]) {
-        case kTare: return run(Command::Kind::tare, mask);
-        case kUntare: return run(Command::Kind::untare, mask);
-        case kClearLatches: return run(Command::Kind::clear_latches, mask);
-        case kResetPeaks: return run(Command::Kind::reset_peaks, mask);
-        case kSelfTest: return run(Command::Kind::self_test, mask);
-        case kStartWeighing: return run(Command::Kind::start_weighing, 0);
-        case kStopWeighing: return run(Command::Kind::stop_weighing, 0);
-        case kZeroWeight: return run(Command::Kind::zero_weight, 0);
-        case kKnownWeight: return follow_number(send_known_weight(parameter * 1e-4, now_ns));
-        case kTeach:
-            teaching_for_block_ = true;
-            running_ = &client;
-            settle(TACTILED_COMMAND_RUNNING, TACTILED_COMMAND_OK);
-            return teaching_.begin(parameter, weighing_of(view.snapshot.node.grasp));
-        default: return settle(TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN);
-    }
-}
-
-std::uint32_t Controls::send(Command command, std::uint64_t now_ns) noexcept {
-    Command* const slot = commands_.claim();
-    if (slot == nullptr) return 0;  // the pipeline hangs
-    command.number = ++number_;
-    command.until_ns = now_ns + kAnswerNs;
-    *slot = command;
-    commands_.push();
-    commands_.commit();
-    if (command.kind == Command::Kind::tare || command.kind == Command::Kind::untare) {
-        tare_number_ = number_;
-        tare_mask_ = command.kind == Command::Kind::tare ? command.mask : 0;
-    }
-    return number_;
-}
-
-std::uint32_t Controls::send(Command::Kind kind, std::uint32_t mask, std::uint64_t now_ns) noexcept {
-    Command command;
-    command.kind = kind;
-    command.mask = mask;
-    return send(command, now_ns);
-}
-
-std::uint32_t Controls::send_known_weight(double mass_kg, std::uint64_t now_ns) noexcept {
-    Command command;
-    command.kind = Command::Kind::known_weight;
-    command.mass_kg = mass_kg;
-    return send(command, now_ns);
 }
 
 void Controls::send_settings() noexcept {
-    Command* const slot = commands_.claim();
-    settings_unsent_ = slot == nullptr;
-    if (settings_unsent_) return;
-    const auto value = [&](unsigned i) { return settings_[i] == kAsConfigured ? kNaN : settings_[i] * kKeys[i].scale; };
-    *slot = Command{};
-    slot->kind = Command::Kind::set;
-    slot->settable = {value(0), value(1), value(2), value(3)};
-    slot->grasp = {value(4) / 100, value(5)};
-    commands_.push();
-    commands_.commit();
+    Command command;
+    command.kind = Command::Kind::set;
+    command.settable = {words_.value(kFilterHz), words_.value(kContactOn), words_.value(kContactOff),
+                        words_.value(kOverloadAt)};
+    command.grasp = {words_.value(kSlipSensitivity) / 100, words_.value(kWeighWindow)};
+    settings_unsent_ = !commands_.send(command);
 }
 
 // ---- reading ---------------------------------------------------------------------------------------------------------
 
 void Controls::read(Run run, const Session& session, std::uint64_t now_ns, std::uint16_t* out) const noexcept {
-    const CommandClient& client = clients_.at(session.host);
     for (unsigned i = 0; i < run.count; ++i) {
         const unsigned at = run.at + i;
-        std::uint16_t value = 0;
-        if (at >= kScratchAt)
-            value = scratch_[at - kScratchAt];
-        else if (at <= kCmdSeq)
-            value = client.block[at - kCmd];
-        else if (is_setting(std::uint16_t(at)))
-            value = settings_[at - kFilterHz];
-        else if (Robot::has(at))
-            value = robot_.read(at);
+        if (at <= kCmdSeq)
+            out[i] = clients_.at(session.host).block[at - kCmd];
+        else if (at == kUnlock)
+            out[i] = now_ns <= session.unlocked_until_ns && session.unlocked_until_ns != 0;
+        else if (at == kSave)
+            out[i] = saving_.load();
         else
-            switch (at) {
-                case kPlcHeartbeat: value = heartbeat_; break;
-                case kPlcWatchdog: value = watchdog_ms_; break;
-                case kUnlock: value = now_ns <= session.unlocked_until_ns && session.unlocked_until_ns != 0; break;
-                case kSave: value = saving_.load(); break;
-                default: break;
-            }
-        out[i] = value;
+            out[i] = words_[at];
     }
 }
 
@@ -258,32 +156,21 @@ void Controls::read_coils(const View& view, std::span<std::uint8_t, kCoils> out)
 }
 
 bool Controls::plc_is_silent(std::uint64_t now_ns) const noexcept {
-    return watchdog_ms_ != 0 && now_ns > heartbeat_ns_ + std::uint64_t(watchdog_ms_) * 1'000'000u;
+    const std::uint16_t watchdog_ms = words_[kPlcWatchdog];
+    return watchdog_ms != 0 && now_ns > heartbeat_ns_ + std::uint64_t(watchdog_ms) * 1'000'000u;
 }
 
-void Controls::read_commands(const Session& session, std::span<std::uint16_t, kCommandsSize> out) const noexcept {
-    const CommandClient& client = clients_.at(session.host);
-    std::fill(out.begin(), out.end(), std::uint16_t(0));
-    out[kCmdRepeats] = client.repeats;
-    out[kDirectCmd] = client.direct_code;
-    out[kDirectState] = std::uint16_t(client.direct.state);
-    out[kDirectResult] = std::uint16_t(client.direct.result);
-    out[kDirectCount] = client.direct_count;
-}
-
-void Controls::add_to_global(const Session& session, std::uint64_t now_ns,
-                             std::span<std::uint16_t, kGlobalSize> global) const noexcept {
-    const CommandClient& client = clients_.at(session.host);
-    global[kCmdSeqAck] = client.taken[4];
-    global[kCmdState] = std::uint16_t(client.outcome.state);
-    global[kCmdResult] = std::uint16_t(client.outcome.result);
-    global[kPlcHbEcho] = heartbeat_;
-    if (plc_is_silent(now_ns)) global[kStatus] |= 1u << 12;
-    if (now_ns <= unlocked_until_ns_) global[kStatus] |= 1u << 13;
+ClientReport Controls::report(const Session& session, std::uint64_t now_ns) const noexcept {
+    ClientReport report;
+    report.commands = clients_.at(session.host);
+    report.heartbeat = words_[kPlcHeartbeat];
+    if (plc_is_silent(now_ns)) report.status_bits |= 1u << 12;
+    if (now_ns <= unlocked_until_ns_) report.status_bits |= 1u << 13;
     if (saving_.load() == failed || unreadable_.load() || teach_failed_) {
-        global[kFault] |= 1u << 6;
-        global[kStatus] |= std::uint16_t(TACTILED_FAULT);
+        report.fault_bits |= TACTILED_FAULT_STORAGE;
+        report.status_bits |= TACTILED_FAULT;
     }
+    return report;
 }
 
 // ---- keeping ---------------------------------------------------------------------------------------------------------
@@ -292,32 +179,33 @@ void Controls::load() {
     if (::access(path_.c_str(), F_OK) != 0) return;
     Problems problems;
     Options file = Options::parse_file(path_, problems, 4096);
-    auto loaded = settings_;
-    for (unsigned i = 0; i < kSettings; ++i) {
-        const Limits& limits = writable_at(kFilterHz + i)->limits;
-        if (!file.has(kKeys[i].name)) continue;
-        const Range range{limits.min * kKeys[i].scale, limits.max * kKeys[i].scale};
-        loaded[i] = std::uint16_t(std::lround(file.number(kKeys[i].name, range) / kKeys[i].scale));
+    Words loaded = words_;
+    for (unsigned i = 0; i < std::size(kKeys); ++i) {
+        const Register& setting = *writable_at(kFilterHz + i);
+        const double scale = setting.unit.scale;
+        if (!file.has(kKeys[i])) continue;
+        const Range range{setting.limits.min * scale, setting.limits.max * scale};
+        loaded[setting.at] = std::uint16_t(std::lround(file.number(kKeys[i], range) / scale));
     }
     file.finish();
     for (const auto& line : problems.lines()) log_line(LogLevel::warning, "{}; stored settings are not used", line);
     unreadable_.store(!problems.empty());
     if (!problems.empty()) return;
-    settings_ = loaded;
+    words_ = loaded;
     send_settings();
 }
 
 void Controls::save() noexcept {
     saver_.join();  // it has ended: check() has verified that nothing is being stored
-    to_save_ = settings_;
+    to_save_ = words_;
     saving_.store(storing);
     try {
         saver_.start("save", 0, -1, [this] {
             try {
                 std::string text = "# What a PLC has set and stored; overrides the configuration. Written by tactiled.\n";
-                for (unsigned i = 0; i < kSettings; ++i)
-                    if (to_save_[i] != kAsConfigured)
-                        text += fmt::format("{} = {:.10g}\n", kKeys[i].name, to_save_[i] * kKeys[i].scale);
+                for (unsigned i = 0; i < std::size(kKeys); ++i)
+                    if (to_save_[kFilterHz + i] != kAsConfigured)
+                        text += fmt::format("{} = {:.10g}\n", kKeys[i], to_save_.value(kFilterHz + i));
                 replace_file(path_, text);
                 unreadable_.store(false);
                 saving_.store(idle);

@@ -1,9 +1,11 @@
-// Converts a snapshot to registers. Pure: the registers depend only on shared memory and on the time of the request.
+// Converts a snapshot to registers. Pure: the registers depend only on shared memory, on the client's commands and on the
+// time of the request.
 #pragma once
 #include <array>
 #include <cstdint>
 #include <span>
 
+#include "node/modbus/command_clients.hpp"
 #include "node/modbus/table.hpp"
 #include "tactiled/reader.hpp"
 
@@ -16,19 +18,23 @@ std::uint16_t i16_of(double value, double scale, bool& saturated) noexcept;
 std::uint16_t u16_of(double value, double scale, bool& saturated) noexcept;
 // Does the same as i16_of for two registers, high word first; saturates at +-2147483647. NaN is kNoI32.
 std::uint32_t i32_of(double value, double scale) noexcept;
+// Writes a float32 to two registers. A number that is not finite, as double or as float32, becomes the quiet NaN.
+void put_float(double value, bool low_word_first, std::uint16_t* out) noexcept;
+
+// Does the reverse of i16_of or u16_of for the word of a writable register; NaN if it is "not available", or if a setting
+// is as configured.
+double decode(const Register& of, std::uint16_t word) noexcept;
+
+// Unit of a force outside of the sensor blocks and by default in them, and the largest numbers of an i16 and of a u16.
+inline constexpr double kForceUnit_N = 0.01;
+inline constexpr int kForceScale = -2;  // its power of ten
+inline constexpr int kMaxI16 = 32767;
+inline constexpr std::uint16_t kMaxU16 = 65534;
 
 // True if the jaws hold something; the grasp may have a value of its weight.
 bool is_grasped(const tactiled_grasp& grasp) noexcept;
 bool has_weight(const tactiled_grasp& grasp) noexcept;
 bool is_stable(const tactiled_grasp& grasp) noexcept;
-
-// Unit of a force outside of the sensor blocks and by default in them, and the largest number of an i16.
-inline constexpr double kForceUnit_N = 0.01;
-inline constexpr int kForceScale = -2;  // its power of ten
-inline constexpr int kMaxI16 = 32767;
-
-// Writes a float32 to two registers. A number that is not finite, as double or as float32, becomes the quiet NaN.
-void put_float(double value, bool low_word_first, std::uint16_t* out) noexcept;
 
 // All data that one request may need, from one frame of the pipeline.
 struct View {
@@ -44,23 +50,23 @@ struct View {
 
 // Takes a snapshot now. Samples are already judged by their age; if the pipeline is not alive, all are BAD.
 View view_of(const Segment& segment) noexcept;
-// Returns a mask of the existing sensors, bit n = sensor n.
+// Returns the number of existing sensors, and their mask, bit n = sensor n.
+unsigned sensors_of(const View& view) noexcept;
 std::uint32_t sensor_mask_of(const View& view) noexcept;
 // Returns the view if there is nothing to read: every sensor value is a sentinel.
 View view_of_nothing(std::uint32_t reason = TACTILED_DAEMON_STOPPED) noexcept;
 
-void encode_global(const View& view, std::span<std::uint16_t, kGlobalSize> out) noexcept;
-void encode_grasp(const View& view, std::span<std::uint16_t, kGraspSize> out) noexcept;
-void encode_tool(const View& view, std::span<std::uint16_t, kToolSize> out) noexcept;
-// The sum, or the part of sensor `index` of it.
-void encode_tool_floats(const View& view, bool low_word_first, std::span<std::uint16_t, kToolFloatSize> out) noexcept;
-void encode_tool_sensor(const View& view, unsigned index, bool low_word_first,
-                        std::span<std::uint16_t, kToolFloatSize> out) noexcept;
-void encode_doubts(const View& view, std::span<std::uint16_t, kDoubtsSize> out) noexcept;
-void encode_sensor(const View& view, unsigned index, std::span<std::uint16_t, kSensorSize> out) noexcept;
-void encode_floats(const View& view, bool low_word_first, std::span<std::uint16_t, kFloatSize> out) noexcept;
-void encode_sensor_floats(const View& view, unsigned index, bool low_word_first,
-                          std::span<std::uint16_t, kSensorFloatSize> out) noexcept;
+// The data of Controls that a client's registers show.
+struct ClientReport {
+    CommandClient commands{};
+    std::uint16_t heartbeat = 0;                    // the PLC's
+    std::uint32_t status_bits = 0, fault_bits = 0;  // are added to STATUS and FAULT of the global block
+};
+
+// Encodes one block of an area with rows that have values; cells without a row become 0. `n` is the sensor if the area
+// repeats the block. rt: wait-free
+void encode(const Area& area, std::span<std::uint16_t> out, const View& view, unsigned n = 0,
+            const ClientReport& client = {}) noexcept;
 // Encodes the discrete inputs, 0 or 1 each, from the global block of the same time.
 void encode_inputs(std::span<const std::uint16_t, kGlobalSize> global, std::span<std::uint8_t, kInputs> out) noexcept;
 

@@ -36,6 +36,9 @@ struct Request {
     std::span<const std::uint8_t> written;  // the bytes to write, in the order of the request
 };
 
+inline bool writes_coils(const Request& request) noexcept {
+    return request.function == kWriteCoil || request.function == kWriteCoils;
+}
 // Returns coil number i of a run that is to be written.
 inline bool is_set(const Request& request, unsigned i) noexcept { return (request.written[i / 8] >> i % 8 & 1) != 0; }
 

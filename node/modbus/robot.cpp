@@ -5,81 +5,48 @@
 namespace tactiled::modbus {
 namespace {
 
-constexpr double kScale_m_s2 = 0.001;
 constexpr double kMinG_m_s2 = 9.7, kMaxG_m_s2 = 9.9;  // same limits as in the configuration
 
-grasp::Vector vector_of(const std::array<std::uint16_t, 3>& raw) noexcept {
-    grasp::Vector v{};
-    for (std::size_t i = 0; i < 3; ++i) v[i] = raw[i] == kNoI16 ? kNaN : std::int16_t(raw[i]) * kScale_m_s2;
-    return v;
-}
-
-bool put(CommandRing& commands, const Command& command) noexcept {
-    Command* const slot = commands.claim();
-    if (slot == nullptr) return false;
-    *slot = command;
-    commands.push();
-    commands.commit();
-    return true;
+// The values of three registers.
+grasp::Vector vector_at(unsigned at, const Words& words) noexcept {
+    return {words.value(at), words.value(at + 1), words.value(at + 2)};
 }
 
 }  // namespace
 
-std::uint16_t Robot::read(unsigned at) const noexcept {
-    if (at == kGripperState) return gripper_;
-    if (at == kGripperForce) return force_;
-    if (at == kAccelCount) return count_;
-    return at < kAccelX ? gravity_[at - kGravityX] : acceleration_[at - kAccelX];
+Command& Robot::renew(Latest& latest, Command::Kind kind) noexcept {
+    latest.command.kind = kind;
+    latest.unsent = reported_ = true;
+    return latest.command;
 }
 
-void Robot::write(unsigned at, std::uint16_t value, std::uint64_t now_ns) noexcept {
-    if (at == kGripperForce) {
-        force_ = value;
-    } else if (at == kGripperState) {
-        gripper_ = value;
-        hint_.kind = Command::Kind::hint;
-        hint_.gripper = grasp::Hint(value);
-        hint_unsent_ = reported_ = true;
-    } else if (at < kAccelX) {
-        gravity_[at - kGravityX] = value;
-        if (at != kGravityX + 2) return;
-        down_.kind = Command::Kind::gravity;
-        down_.robot_G_m_s2 = vector_of(gravity_);
-        down_unsent_ = reported_ = true;
-    } else if (at < kAccelCount) {
-        acceleration_[at - kAccelX] = value;
-    } else if (value != count_) {
-        count_ = value;
-        motion_.kind = Command::Kind::acceleration;
-        motion_.robot_G_m_s2 = vector_of(acceleration_);
-        motion_.reported_ns = now_ns;
-        motion_unsent_ = reported_ = true;
-    }
+void Robot::note(unsigned at, bool changed, const Words& words, std::uint64_t now_ns) noexcept {
+    if (at == kGripperState) renew(hint_, Command::Kind::hint).gripper = grasp::Hint(words[at]);
+    if (at == kGravityX + 2) renew(down_, Command::Kind::gravity).robot_G_m_s2 = vector_at(kGravityX, words);
+    if (at != kAccelCount || !changed) return;
+    Command& motion = renew(motion_, Command::Kind::acceleration);
+    motion.robot_G_m_s2 = vector_at(kAccelX, words);
+    motion.reported_ns = now_ns;
 }
 
-bool Robot::is_gravity(const std::array<std::uint16_t, 3>& raw) noexcept {
+bool Robot::is_gravity(const Words& words) noexcept {
     double squares = 0;
-    for (const double axis : vector_of(raw)) squares += axis * axis;
+    for (const double axis : vector_at(kGravityX, words)) squares += axis * axis;
     return std::isnan(squares) || (squares >= kMinG_m_s2 * kMinG_m_s2 && squares <= kMaxG_m_s2 * kMaxG_m_s2);
 }
 
 void Robot::forget() noexcept {
     if (!reported_) return;
-    if (hint_.kind == Command::Kind::hint) {
-        hint_.gripper = grasp::Hint::none;
-        hint_unsent_ = true;
-    }
-    if (down_.kind == Command::Kind::gravity) {
-        down_.robot_G_m_s2 = {kNaN, kNaN, kNaN};
-        down_unsent_ = true;
-    }
-    motion_unsent_ = reported_ = false;
+    hint_.command.gripper = grasp::Hint::none;
+    hint_.unsent = hint_.command.kind == Command::Kind::hint;  // else it was never written
+    down_.command.robot_G_m_s2 = {kNaN, kNaN, kNaN};
+    down_.unsent = down_.command.kind == Command::Kind::gravity;
+    motion_.unsent = reported_ = false;
 }
 
 void Robot::send(CommandRing& commands) noexcept {
-    if (hint_unsent_) hint_unsent_ = !put(commands, hint_);
-    if (down_unsent_) down_unsent_ = !put(commands, down_);
-    if (motion_unsent_) motion_unsent_ = !put(commands, motion_);
+    for (Latest* const latest : {&hint_, &down_, &motion_})
+        if (latest->unsent) latest->unsent = !commands.send(latest->command);
 }
 
 }  // namespace tactiled::modbus

@@ -70,46 +70,23 @@ View Service::look() {
     return view;
 }
 
-void Service::fill_global(const View& view, const Session& session, std::uint64_t now_ns,
-                          std::span<std::uint16_t, kGlobalSize> out) {
-    encode_global(view, out);
-    controls_.add_to_global(session, now_ns, out);
-}
-
 void Service::fill_registers(Run run, const View& view, const Session& session, std::uint64_t now_ns) {
     const Area& area = *area_of(run.at, run.count);
+    if (area.block == Block::controls || area.block == Block::scratch)
+        return controls_.read(run, session, now_ns, &tables_.registers[run.at]);
     const auto cells = std::span(tables_.registers).subspan(area.at, area.size);
+    if (area.block == Block::constants) return void(std::copy(constants().begin(), constants().end(), cells.begin()));
     // Fills only the blocks that the request touches.
+    const ClientReport client = controls_.report(session, now_ns);
     const unsigned size = area.repeats != 0 ? area.repeats : area.size;
     const unsigned first = (run.at - area.at) / size, last = (run.at + run.count - 1u - area.at) / size;
-    for (unsigned n = first; n <= last; ++n) {
-        const auto block = cells.subspan(std::size_t(n) * size, size);
-        switch (area.block) {
-            case Block::global:
-                fill_global(view, session, now_ns, block.first<kGlobalSize>());
-                if (run.at <= kCmdResult && run.at + run.count > kCmdResult) controls_.note_read(session);
-                break;
-            case Block::commands: controls_.read_commands(session, block.first<kCommandsSize>()); break;
-            case Block::grasp: encode_grasp(view, block.first<kGraspSize>()); break;
-            case Block::tool: encode_tool(view, block.first<kToolSize>()); break;
-            case Block::tool_floats: encode_tool_floats(view, area.low_word_first, block.first<kToolFloatSize>()); break;
-            case Block::tool_sensors: encode_tool_sensor(view, n, area.low_word_first, block.first<kToolFloatSize>()); break;
-            case Block::doubts: encode_doubts(view, block.first<kDoubtsSize>()); break;
-            case Block::sensor: encode_sensor(view, n, block.first<kSensorSize>()); break;
-            case Block::floats: encode_floats(view, area.low_word_first, block.first<kFloatSize>()); break;
-            case Block::sensor_floats:
-                encode_sensor_floats(view, n, area.low_word_first, block.first<kSensorFloatSize>());
-                break;
-            case Block::controls:
-            case Block::scratch: controls_.read(run, session, now_ns, &tables_.registers[run.at]); break;
-            case Block::constants: std::copy(constants().begin(), constants().end(), block.begin()); break;
-        }
-    }
+    for (unsigned n = first; n <= last; ++n) encode(area, cells.subspan(std::size_t(n) * size, size), view, n, client);
+    if (run.at <= kCmdResult && run.at + run.count > kCmdResult) controls_.note_read(session);
 }
 
 void Service::fill_bits(const View& view, const Session& session, std::uint64_t now_ns) {
     std::array<std::uint16_t, kGlobalSize> global;
-    fill_global(view, session, now_ns, global);
+    encode(area_with(Block::global), global, view, 0, controls_.report(session, now_ns));
     encode_inputs(global, tables_.inputs);
     controls_.read_coils(view, tables_.coils);
 }

@@ -37,8 +37,6 @@ public:
 private:
     [[nodiscard]] View look();
     void fill_registers(Run run, const View& view, const Session& session, std::uint64_t now_ns);
-    void fill_global(const View& view, const Session& session, std::uint64_t now_ns,
-                     std::span<std::uint16_t, kGlobalSize> out);
     void fill_bits(const View& view, const Session& session, std::uint64_t now_ns);
 
     std::string node_name_;

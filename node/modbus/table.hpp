@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <span>
 #include <string_view>
+#include <type_traits>
 
 namespace tactiled::modbus {
 
@@ -25,45 +26,15 @@ enum class Type {
     text,   // a constant
 };
 
-// Offsets of the cells in a block, or their addresses. The encoders use these names.
+// Cells that other code refers to: offsets in a block, or addresses. All other rows state their number.
 // clang-format off
 enum Global : std::uint16_t {
-    kMagic0 = 0, kMagic1 = 1, kMapVersion = 2, kSensors = 3, kSeq = 4, kHeartbeat = 5, kAgeMs = 6, kStatus = 7, kFault = 8, kWarn = 9,
-    kOk = 10, kContact = 11, kSlip = 12, kSlipLatch = 13, kOverload = 14, kStale = 15, kGripForce = 16, kGripState = 17, kWeightG = 18,
-    kWeightState = 19, kWeight = 20, kWeightSd = 22, kRecGrip = 23, kSlipCount = 24, kCmdSeqAck = 25, kCmdState = 26, kCmdResult = 27,
-    kCalId = 28, kPlcHbEcho = 29, kCycleWorst = 30, kSeqEnd = 31
+    kMagic0 = 0, kMagic1 = 1, kMapVersion = 2, kSensors = 3, kSeq = 4, kHeartbeat = 5, kStatus = 7, kOk = 10, kContact = 11,
+    kSlipLatch = 13, kOverload = 14, kCmdSeqAck = 25, kCmdState = 26, kCmdResult = 27, kPlcHbEcho = 29, kSeqEnd = 31
 };
-enum Grasp : std::uint16_t {  // offsets from 40
-    kGraspSeq = 0, kObjectId = 1, kObjectProbability = 2, kFriction = 3, kFrictionSd = 4, kGrasps = 5, kSinceLiftOff = 6, kGraspSeqEnd = 7
-};
-enum Commands : std::uint16_t {  // offsets from 50
-    kCmdRepeats = 0, kDirectCmd = 1, kDirectState = 2, kDirectResult = 3, kDirectCount = 4
-};
-enum Tool : std::uint16_t {  // offsets from 60
-    kToolSeq = 0, kToolStatus = 1, kToolForce = 2, kToolTorque = 5, kToolSdForce = 8, kToolSdTorque = 11, kToolSensors = 14, kToolNoValue = 15,
-    kToolAgeMs = 16, kToolMass = 17, kToolSeqEnd = 19
-};
-enum ToolFloat : std::uint16_t {  // offsets from 2030 and 2500
-    kToolFloatSeq = 0, kToolFloatStatus = 1, kToolFloatForce = 2, kToolFloatTorque = 8, kToolFloatSdForce = 14, kToolFloatSdTorque = 20,
-    kToolFloatSeqEnd = 26
-};
-enum Doubts : std::uint16_t {  // offsets from 80
-    kDoubtsSeq = 0, kWeightWhy = 1, kWeightJaws = 2, kDoubtsSeqEnd = 7
-};
-enum PerSensor : std::uint16_t {
-    kSensorSeq = 0, kSensorStatus = 1, kSensorFault = 2, kSensorAgeMs = 3, kFx = 4, kFy = 5, kFz = 6, kTx = 7, kTy = 8, kTz = 9,
-    kFTang = 10, kFMag = 11, kCopX = 12, kCopY = 13, kFrictionUse = 14, kSlipState = 15, kSensorSlipCount = 16, kPeak = 17, kTemp = 18,
-    kScale = 19, kTareCount = 20, kRate = 21, kLost = 22, kRawState = 23, kSensorSeqEnd = 24
-};
-enum Float : std::uint16_t {  // offsets from 2000 and 3000
-    kFloatSeq = 0, kFloatWeight = 2, kFloatWeightSd = 4, kFloatGrip = 6, kFloatRecGrip = 8, kFloatFriction = 10, kFloatTime = 12,
-    kFloatFrictionSd = 14, kFloatObjectProbability = 16, kFloatSeqEnd = 24
-};
-enum SensorFloat : std::uint16_t {
-    kFloatSensorSeq = 0, kFloatStatus = 1, kFloatForce = 2, kFloatTorque = 8, kFloatCop = 14, kFloatMag = 18, kFloatTang = 20,
-    kFloatTemp = 22, kFloatSensorSeqEnd = 24
-};
-enum Control : std::uint16_t {
+enum : std::uint16_t { kGraspSeq = 0, kGraspSeqEnd = 7 };
+enum : std::uint16_t { kSensorStatus = 1, kScale = 19, kSensorSeqEnd = 24 };
+enum : std::uint16_t {
     kCmd = 5000, kCmdMask = 5001, kCmdParamHigh = 5002, kCmdParamLow = 5003, kCmdSeq = 5004, kTareCell = 5010, kUntareCell = 5011,
     kClearLatchCell = 5012, kWeighCell = 5013, kResetPeakCell = 5014, kTeachCell = 5015, kZeroWeightCell = 5016, kKnownWeightCell = 5017, kPlcHeartbeat = 5020, kPlcWatchdog = 5021, kGripperState = 5022,
     kGripperForce = 5023, kFilterHz = 5030, kContactOn = 5031, kContactOff = 5032, kOverloadAt = 5033, kSlipSensitivity = 5034,
@@ -91,6 +62,29 @@ inline constexpr std::uint16_t kMapEnd = kConstantsAt + kConstantsSize;
 inline constexpr std::uint16_t kUnlockWord = 0x5AFE, kSaveWord = 0x7361;
 inline constexpr std::uint16_t kAsConfigured = 0xFFFF;  // a setting with this value uses the configuration
 
+// The text of a unit, and one count of an integer register in the unit of its value: N, Nm, m, kg, degC, Hz, 1.
+struct Unit {
+    std::string_view text{};
+    double scale = 1;
+    bool configurable = false;  // true: the sensor's register_N replaces the scale
+};
+
+// The data that the blocks are encoded from: rows.hpp.
+struct Source;
+
+// The function that a register's value comes from; NaN = not available. It is made from a function or from a lambda
+// without captures. Registers that may be written have none: Controls keeps their words.
+struct Value {
+    double (*of)(const Source&) noexcept = nullptr;
+    bool reports_range = false;  // a bit of STATUS reports that the value exceeds the range of the register
+
+    constexpr Value() = default;
+    constexpr Value(double (*function)(const Source&) noexcept) : of(function) {}
+    template <class Lambda>
+    requires std::is_empty_v<Lambda>
+    constexpr Value(Lambda) : of([](const Source& s) noexcept { return double(Lambda{}(s)); }) {}
+};
+
 // Values that may be written into a register; `max` < `min`: none.
 struct Limits {
     std::uint16_t min = 1, max = 0;
@@ -101,9 +95,12 @@ struct Register {
     std::uint16_t at;  // address, or offset in its block
     std::string_view name;
     Type type;
-    std::string_view unit;  // scale and unit, "" = none
+    Unit unit;
     std::string_view meaning;
+    Value value{};
     Limits limits{};
+
+    [[nodiscard]] constexpr bool is_writable() const noexcept { return limits.max >= limits.min; }
 };
 
 struct Name {
@@ -141,6 +138,8 @@ struct Area {
 
 // Returns the areas in the order of addresses. Sensor blocks are one area, because they are contiguous.
 std::span<const Area> areas();
+// Returns the area of a block, in one of its word orders.
+const Area& area_with(Block block, bool low_word_first = false);
 // Returns the area that contains all of [at, at + count), or nullptr: exception 2.
 const Area* area_of(std::uint32_t at, std::uint32_t count);
 // Returns the register that may be written at an address, or nullptr. Scratch registers have no entry.
@@ -154,6 +153,8 @@ struct Bits {
     std::uint16_t at, count;
     std::string_view name;
     std::string_view meaning;
+    Global from{};  // inputs: the register of the global block, and the bit of the first input; BLINK is its tens
+    std::uint16_t bit = 0;
 };
 inline constexpr std::uint16_t kTareCoils = 0, kSlipCoils = 16, kClearAllCoil = 32, kWeighCoil = 33, kCoils = 34;
 inline constexpr std::uint16_t kContactInputs = 0, kSlipInputs = 16, kOkInputs = 32, kOverloadInputs = 48,

@@ -65,7 +65,7 @@ int main(int argc, char** argv) {
         {"whole answer, sent and taken", [&] { (void)service.answer(adu, session, responder), (void)take(); }, {}},
         {"  check the request", [&] { (void)check_pdu(responder.pdu_of(adu), false); }, {}},
         {"  snapshot of shared memory", [&] { (void)view_of(segment); }, {}},
-        {"  registers of a block", [&] { encode_global(view, global); }, {}},
+        {"  registers of a block", [&] { encode(area_with(Block::global), global, view); }, {}},
         {"  libmodbus: compose, send; taken", [&] { (void)responder.reply(adu, tables), (void)take(); }, {}},
         {"  the same bytes sent; taken", [&] { (void)!::send(socket.fd(), sent.data(), sent.size(), 0), (void)take(); }, {}},
     };

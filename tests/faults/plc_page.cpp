@@ -6,6 +6,7 @@
 
 #include "faults.hpp"
 #include "node/modbus/table.hpp"
+#include "tests/unit/modbus/cells.hpp"
 
 namespace tactiled::faults {
 namespace {

@@ -155,7 +155,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         }
         check(asked <= 1);
         std::array<std::uint16_t, kGlobalSize> global{};
-        controls.add_to_global(session, now_ns, global);
+        encode(area_with(Block::global), global, view, 0, controls.report(session, now_ns));
         check(global[kCmdState] <= TACTILED_COMMAND_REJECTED && global[kCmdResult] <= TACTILED_COMMAND_REPEATED);
     }
     return 0;

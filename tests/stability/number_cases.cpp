@@ -11,6 +11,7 @@
 #include "node/sensor.hpp"
 #include "tests/stability/hard_case.hpp"
 #include "tests/stability/methods.hpp"
+#include "tests/unit/modbus/cells.hpp"
 
 namespace tactiled::stability {
 namespace {
@@ -47,7 +48,7 @@ void add_registers(Cases& cases) {
     modbus::View view;
     view.snapshot.node.t_ns = 1'700'000'123'456'789'000ull;
     std::uint16_t block[modbus::kFloatSize];
-    modbus::encode_floats(view, false, block);
+    modbus::encode(modbus::area_with(modbus::Block::floats), block, view);
     const std::uint32_t bits = std::uint32_t(block[modbus::kFloatTime]) << 16 | block[modbus::kFloatTime + 1];
     const Real seconds = Real(view.snapshot.node.t_ns) / 1000000000, periods = floor(seconds / 4096);
     const Real exact = seconds - 4096 * periods;

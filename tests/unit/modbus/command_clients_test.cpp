@@ -20,7 +20,7 @@ protected:
     std::array<std::uint16_t, kCommandsSize> more() {
         std::array<std::uint16_t, kCommandsSize> out{};
         controls_->follow(view_of(segment_), kSecond);
-        controls_->read_commands(session_, out);
+        encode(area_with(Block::commands), out, view_of_nothing(), 0, controls_->report(session_, kSecond));
         return out;
     }
     // Lets the pipeline carry out the sent command; returns false if there is none.

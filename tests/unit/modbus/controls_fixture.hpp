@@ -11,6 +11,7 @@
 
 #include "node/modbus/controls.hpp"
 #include "node/shm/writer.hpp"
+#include "tests/unit/modbus/cells.hpp"
 
 namespace tactiled::modbus {
 
@@ -82,7 +83,9 @@ protected:
     std::array<std::uint16_t, kGlobalSize> global(std::uint64_t now_ns = kSecond) {
         std::array<std::uint16_t, kGlobalSize> out{};
         controls_->follow(view_of(segment_), now_ns);
-        controls_->add_to_global(session_, now_ns, out);
+        View nothing_wrong;  // STATUS and FAULT have only bits of Controls
+        nothing_wrong.alive = true;
+        encode(area_with(Block::global), out, nothing_wrong, 0, controls_->report(session_, now_ns));
         return out;
     }
     std::uint16_t cell(unsigned at) {

@@ -13,6 +13,7 @@
 #include <string>
 
 #include "node/shm/writer.hpp"
+#include "tests/unit/modbus/cells.hpp"
 
 namespace tactiled::modbus {
 namespace {
@@ -29,6 +30,15 @@ TEST(RegisterMap, NoTwoRegistersShareACellAndEachLiesInItsArea) {
                 EXPECT_EQ(area_of(at, 1), &area) << r.name;
                 EXPECT_LT(offset && area.repeats != 0 ? r.at + i : 0u, std::max<unsigned>(area.repeats, 1)) << r.name;
             }
+        }
+}
+
+TEST(RegisterMap, EveryRowHasAValueThatIsEncodedOrAWordThatIsKept) {
+    for (const Area& area : areas())
+        for (const Register& r : area.registers) {
+            const bool kept = area.block == Block::controls || area.block == Block::constants;
+            EXPECT_EQ(r.value.of == nullptr, kept) << area.prefix << "." << r.name;
+            EXPECT_EQ(r.is_writable(), area.block == Block::controls) << area.prefix << "." << r.name;
         }
 }
 
@@ -102,7 +112,7 @@ TEST(Registers, HalvesGoToEven) {
 TEST(Registers, WithoutASegmentEveryValueIsASentinel) {
     const View view = view_of_nothing();
     std::array<std::uint16_t, kGlobalSize> global{};
-    encode_global(view, global);
+    encode(area_with(Block::global), global, view);
     EXPECT_EQ(global[kMagic0], 0x5441);
     EXPECT_EQ(global[kOk], 0);
     EXPECT_EQ(global[kStatus] & TACTILED_READY, 0);
@@ -111,7 +121,7 @@ TEST(Registers, WithoutASegmentEveryValueIsASentinel) {
     EXPECT_EQ(global[kWeight] << 16 | global[kWeight + 1], int(kNoI32));
     for (unsigned i = 0; i < kSensorBlocks; ++i) {
         std::array<std::uint16_t, kSensorSize> sensor{};
-        encode_sensor(view, i, sensor);
+        encode(area_with(Block::sensor), sensor, view, i);
         for (unsigned at = kFx; at <= kTz; ++at) EXPECT_EQ(sensor[at], kNoI16);
         EXPECT_EQ(sensor[kFMag], kNoU16);
         EXPECT_EQ(sensor[kSensorStatus], 1u << 15 | 1u << 6);  // fault, stale
@@ -154,12 +164,12 @@ protected:
     }
     std::array<std::uint16_t, kSensorSize> sensor(unsigned index = 0) const {
         std::array<std::uint16_t, kSensorSize> out{};
-        encode_sensor(view_of(segment_), index, out);
+        encode(area_with(Block::sensor), out, view_of(segment_), index);
         return out;
     }
     std::array<std::uint16_t, kGlobalSize> global() const {
         std::array<std::uint16_t, kGlobalSize> out{};
-        encode_global(view_of(segment_), out);
+        encode(area_with(Block::global), out, view_of(segment_));
         return out;
     }
     SegmentWriter writer_;
@@ -205,6 +215,29 @@ TEST_F(LiveRegisters, ForcesBeyondTheRegisterAreSaid) {
     EXPECT_NE(global()[kStatus] & 1u << 7, 0u);
 }
 
+TEST_F(LiveRegisters, ARegisterOfTheWrenchAtTheEndOfItsRangeIsAnOverloadAndAPeakIsNot) {
+    const auto overload = [&](const tactiled_sample& s) {
+        publish(s);
+        EXPECT_EQ((sensor()[kSensorStatus] & 1u << 4) != 0, global()[kOverload] == 1);
+        return global()[kOverload] == 1;
+    };
+    for (int axis = 0; axis < 3; ++axis) {
+        auto torque = good(), centre = good();
+        torque.torque_S_Nm[axis] = 32.8;  // Nm, of 32.767
+        EXPECT_TRUE(overload(torque)) << axis;
+        if (axis == 2) break;
+        centre.cop_S_m[axis] = -0.328;  // m, of 0.32767
+        EXPECT_TRUE(overload(centre)) << axis;
+    }
+    auto others = good();
+    others.peak_N = 700;  // of 655.34
+    others.temperature_C = 4000;
+    others.rate_Hz = 1e5;
+    EXPECT_FALSE(overload(others));
+    EXPECT_EQ(sensor()[kPeak], 65534);
+    EXPECT_EQ(sensor()[kTemp], 32767);
+}
+
 TEST_F(LiveRegisters, ASmallSensorHasSmallerCountsAndItsScaleSaysSo) {
     auto s = good();
     const double force[] = {0.0321, -0.04, -0.34};
@@ -219,7 +252,7 @@ TEST_F(LiveRegisters, ASmallSensorHasSmallerCountsAndItsScaleSaysSo) {
     View view = view_of(segment_);
     view.force_scales = &scales;
     std::array<std::uint16_t, kSensorSize> out{};
-    encode_sensor(view, 0, out);
+    encode(area_with(Block::sensor), out, view, 0);
     EXPECT_EQ(std::int16_t(out[kScale]), -4);
     EXPECT_EQ(std::int16_t(out[kFx]), 321);
     EXPECT_EQ(std::int16_t(out[kFy]), -400);
@@ -233,11 +266,11 @@ TEST_F(LiveRegisters, ASmallSensorHasSmallerCountsAndItsScaleSaysSo) {
     publish(s);
     view = view_of(segment_);
     view.force_scales = &scales;
-    encode_sensor(view, 0, out);
+    encode(area_with(Block::sensor), out, view, 0);
     EXPECT_EQ(std::int16_t(out[kFz]), -32767);
     EXPECT_NE(out[kSensorStatus] & 1u << 4, 0u);
     std::array<std::uint16_t, kGlobalSize> all{};
-    encode_global(view, all);
+    encode(area_with(Block::global), all, view);
     EXPECT_EQ(all[kOverload], 1);
     EXPECT_EQ(global()[kOverload], 0);
 }
@@ -251,8 +284,8 @@ TEST_F(LiveRegisters, FloatsAreTheForcesInBothWordOrders) {
     publish(s);
     std::array<std::uint16_t, kSensorFloatSize> high{}, low{};
     const View view = view_of(segment_);
-    encode_sensor_floats(view, 0, false, high);
-    encode_sensor_floats(view, 0, true, low);
+    encode(area_with(Block::sensor_floats), high, view, 0);
+    encode(area_with(Block::sensor_floats, true), low, view, 0);
     EXPECT_EQ(high[kFloatForce], 0x449A);  // 1234.5 = 449A 5000
     EXPECT_EQ(high[kFloatForce + 1], 0x5000);
     for (unsigned at = kFloatForce; at < kFloatSensorSeqEnd; at += 2) {
@@ -263,7 +296,7 @@ TEST_F(LiveRegisters, FloatsAreTheForcesInBothWordOrders) {
     EXPECT_EQ(high[kFloatCop], 0x7FC0);         // beyond float32: no infinity
     EXPECT_EQ(high[kFloatSensorSeq], high[kFloatSensorSeqEnd]);
     EXPECT_EQ(high[kFloatStatus], sensor()[kSensorStatus]);
-    encode_sensor_floats(view, 5, false, high);  // no such sensor
+    encode(area_with(Block::sensor_floats), high, view, 5);  // no such sensor
     EXPECT_EQ(high[kFloatForce], 0x7FC0);
 }
 
@@ -302,7 +335,7 @@ TEST(Registers, NoFrameEverIsNotAsYoungAsTheMachine) {
     View view = view_of_nothing();
     view.snapshot.taken_ns = 5'000'000'000u;
     std::array<std::uint16_t, kGlobalSize> global{};
-    encode_global(view, global);
+    encode(area_with(Block::global), global, view);
     EXPECT_EQ(global[kAgeMs], 65534);
 }
 

@@ -9,6 +9,7 @@
 
 #include "node/modbus/encode.hpp"
 #include "node/shm/writer.hpp"
+#include "tests/unit/modbus/cells.hpp"
 
 namespace tactiled::modbus {
 namespace {
@@ -63,17 +64,17 @@ protected:
     }
     std::array<std::uint16_t, kGlobalSize> global() const {
         std::array<std::uint16_t, kGlobalSize> out{};
-        encode_global(view_of(segment_), out);
+        encode(area_with(Block::global), out, view_of(segment_));
         return out;
     }
     std::array<std::uint16_t, kGraspSize> grasp() const {
         std::array<std::uint16_t, kGraspSize> out{};
-        encode_grasp(view_of(segment_), out);
+        encode(area_with(Block::grasp), out, view_of(segment_));
         return out;
     }
     std::array<std::uint16_t, kSensorSize> sensor(unsigned index) const {
         std::array<std::uint16_t, kSensorSize> out{};
-        encode_sensor(view_of(segment_), index, out);
+        encode(area_with(Block::sensor), out, view_of(segment_), index);
         return out;
     }
     std::array<std::uint8_t, kInputs> inputs() const {
@@ -119,22 +120,22 @@ TEST_F(GraspRegisters, TheGraspBlockTellsTheObjectAndTheFriction) {
 
 TEST_F(GraspRegisters, TheDoubtsSayWhyAWeightIsNotStableAndOfWhichJaw) {
     std::array<std::uint16_t, kDoubtsSize> d{};
-    encode_doubts(view_of(segment_), d);
+    encode(area_with(Block::doubts), d, view_of(segment_));
     EXPECT_EQ(d[kWeightWhy], 0);
     node_.grasp.weight_doubts = TACTILED_DOUBT_DEAD_SHEAR | TACTILED_DOUBT_LATE;
     node_.grasp.doubtful = 2;
     publish();
-    encode_doubts(view_of(segment_), d);
+    encode(area_with(Block::doubts), d, view_of(segment_));
     EXPECT_EQ(d[kWeightWhy], 0x84);
     EXPECT_EQ(d[kWeightJaws], 2);
     EXPECT_EQ(d[kDoubtsSeq], d[kDoubtsSeqEnd]);
-    encode_doubts(view_of_nothing(), d);
+    encode(area_with(Block::doubts), d, view_of_nothing());
     EXPECT_EQ(d[kWeightWhy], 0);
 }
 
 TEST_F(GraspRegisters, WithoutAToolItsWrenchIsNotAvailable) {
     std::array<std::uint16_t, kToolSize> t{};
-    encode_tool(view_of(segment_), t);
+    encode(area_with(Block::tool), t, view_of(segment_));
     EXPECT_EQ(t[kToolStatus], 1u << 15);
     for (unsigned i = 0; i < 6; ++i) {
         EXPECT_EQ(t[kToolForce + i], kNoI16);
@@ -163,7 +164,7 @@ TEST(ToolRegisters, ShowTheWrenchItsDeviationAndWhyThereIsNone) {
     }
     tool.force_G_N[2] = -400;
     std::array<std::uint16_t, kToolSize> t{};
-    encode_tool(view, t);
+    encode(area_with(Block::tool), t, view);
     EXPECT_EQ(t[kToolSeq], 77);
     EXPECT_EQ(t[kToolSeqEnd], 77);
     EXPECT_EQ(t[kToolStatus], TACTILED_TOOL_DOUBTED | TACTILED_TOOL_MOVES | 1u << 9 | 1u << 10);
@@ -177,13 +178,13 @@ TEST(ToolRegisters, ShowTheWrenchItsDeviationAndWhyThereIsNone) {
     EXPECT_EQ(t[kToolAgeMs], 12);
     EXPECT_EQ(t[kToolMass], 800);
     std::array<std::uint16_t, kToolFloatSize> f{};
-    encode_tool_floats(view, false, f);
+    encode(area_with(Block::tool_floats), f, view);
     EXPECT_EQ(f[kToolFloatForce], std::bit_cast<std::uint32_t>(1.5f) >> 16);
-    encode_tool_sensor(view, 1, true, f);
+    encode(area_with(Block::tool_sensors, true), f, view, 1);
     EXPECT_EQ(f[kToolFloatStatus], 1u << 15);  // there is no segment, and so no sensor
     tool.quality = TACTILED_BAD;               // whatever its numbers are
     tool.why = TACTILED_TOOL_GRAVITY;
-    encode_tool(view, t);
+    encode(area_with(Block::tool), t, view);
     EXPECT_EQ(t[kToolStatus], TACTILED_TOOL_GRAVITY | 1u << 15);
     for (unsigned i = 0; i < 6; ++i) EXPECT_EQ(t[kToolForce + i], kNoI16);
 }
@@ -200,8 +201,8 @@ TEST_F(GraspRegisters, ASensorBlockTellsItsOwnSlip) {
 
 TEST_F(GraspRegisters, FloatsAreInSi) {
     std::array<std::uint16_t, kFloatSize> high{}, low{};
-    encode_floats(view_of(segment_), false, high);
-    encode_floats(view_of(segment_), true, low);
+    encode(area_with(Block::floats), high, view_of(segment_));
+    encode(area_with(Block::floats, true), low, view_of(segment_));
     const auto f32 = [&](unsigned at) { return std::bit_cast<float>(std::uint32_t(high[at]) << 16 | high[at + 1]); };
     EXPECT_EQ(f32(kFloatWeight), 7.12345f);
     EXPECT_EQ(f32(kFloatWeightSd), 0.0021f);
@@ -252,7 +253,7 @@ TEST_F(GraspRegisters, AWeightBelowZeroIsOneInTheRegisterThatHasASign) {
 
 TEST(GraspRegistersWithoutASegment, AreSentinels) {
     std::array<std::uint16_t, kGlobalSize> global{};
-    encode_global(view_of_nothing(), global);
+    encode(area_with(Block::global), global, view_of_nothing());
     EXPECT_EQ(global[kGripState], kNoU16);
     EXPECT_EQ(global[kWeightG], kNoU16);
     EXPECT_EQ(global[kStatus] & 0x7C, 0);
