@@ -11,7 +11,7 @@ constexpr double kMaxSd = 3;
 // The range of four means of white noise reaches 6 of their standard deviations once in 10^4 for one component, and
 // once in 10^3 for six.
 constexpr double kMaxNoise = 6;
-constexpr unsigned kMinForNoise = 8;  // fewer neighbours do not distinguish a ramp from noise: only the model's sd counts
+constexpr unsigned kMinForNoise = 8;  // fewer neighbours do not distinguish a ramp from noise
 
 }  // namespace
 
@@ -23,7 +23,10 @@ void TareWindow::begin(std::uint64_t now_ns, std::uint64_t length_ns) noexcept {
 
 bool TareWindow::add(const Wrench& raw_S, std::uint64_t t_ns) noexcept {
     const std::uint64_t age_ns = t_ns - begin_ns_;
-    const std::size_t part = std::min<std::size_t>(length_ns_ == 0 ? 0 : age_ns * kParts / length_ns_, kParts - 1);
+    // quarters of the time, or of the samples of a slow sensor
+    const std::uint64_t by_time = length_ns_ == 0 ? kParts : age_ns * kParts / length_ns_,
+                        by_number = samples_ * kParts / kMinForNoise;
+    const std::size_t part = std::min<std::size_t>({by_time, by_number, kParts - 1});
     for (std::size_t i = 0; i < raw_S.size(); ++i) {
         sum_[part][i] += raw_S[i];
         if (samples_ == 0) continue;
@@ -35,7 +38,7 @@ bool TareWindow::add(const Wrench& raw_S, std::uint64_t t_ns) noexcept {
     ++n_[part];
     ++samples_;
     before_ = raw_S;
-    return age_ns >= length_ns_;
+    return age_ns >= length_ns_ && samples_ >= kMinForNoise;
 }
 
 Wrench TareWindow::mean_S() const noexcept {
@@ -57,10 +60,10 @@ bool TareWindow::has_moved(const Wrench& sd) const noexcept {
         }
         // Without the two largest steps: a push and its end are a motion, however large.
         const double noise = std::max(0.0, steps_[i] - largest_[i] - second_[i]);
-        const double variance = samples_ < kMinForNoise ? 0 : noise / (2.0 * (samples_ - 3));
+        const double variance = noise / (2.0 * (samples_ - 3));
         const double of_a_mean = std::sqrt(variance * kParts / samples_);
-        // If the model does not know its sd, only the noise is used, if there are enough samples.
-        const double of_a_sample = std::isnan(sd[i]) && samples_ >= kMinForNoise ? 0 : sd[i];
+        const double of_a_sample =
+            std::isnan(sd[i]) ? 0 : sd[i];  // if the model does not know its sd, only the noise is used
         if (max - min > kMaxSd * of_a_sample + kMaxNoise * of_a_mean) return true;  // false with NaN
     }
     return false;

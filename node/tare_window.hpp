@@ -13,8 +13,8 @@ public:
     void begin(std::uint64_t now_ns, std::uint64_t length_ns) noexcept;
     [[nodiscard]] std::uint64_t begin_ns() const noexcept { return begin_ns_; }
 
-    // Takes a raw wrench that was measured at `t_ns`, not before begin_ns(). Returns true if it was the last. rt:
-    // wait-free
+    // Takes a raw wrench that was measured at `t_ns`, not before begin_ns(). Returns true if it was the last:
+    // the time is over, and there are 8 samples. rt: wait-free
     bool add(const Wrench& raw_S, std::uint64_t t_ns) noexcept;
 
     [[nodiscard]] unsigned samples() const noexcept { return samples_; }
@@ -22,7 +22,7 @@ public:
     [[nodiscard]] Wrench mean_S() const noexcept;
     // Returns true if the means of the quarters differ by more than 3 standard deviations `sd` of a sample, as its
     // model states them, and what the samples' own noise explains. A component whose sd is NaN is judged by its noise
-    // alone, from 8 samples on. With fewer than two quarters with samples, a motion cannot be detected. rt: wait-free
+    // alone. At least 8 samples were added. rt: wait-free
     [[nodiscard]] bool has_moved(const Wrench& sd) const noexcept;
 
 private:

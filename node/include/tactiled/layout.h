@@ -100,7 +100,7 @@ enum tactiled_use {
  * severe first. FAULT 0: no fault. The numbers are those of the register map and never change. */
 #define TACTILED_REASON_TABLE(X)                                                                                            \
     X(DAEMON_STOPPED, "stopped", TACTILED_BAD, 1, "DAEMON_STOPPED", TACTILED_OLD, "daemon stopped or hangs",                \
-      "start the daemon; its log has the cause")                                                                            \
+      "see its log; start it again")                                                                                        \
     X(DISCONNECTED, "disconnected", TACTILED_BAD, 2, "DISCONNECTED", TACTILED_OLD,                                          \
       "disconnected: the link is being reopened", "check the cable and the power of the device")                            \
     X(NO_DATA_YET, "no-data-yet", TACTILED_BAD, 3, "NO_DATA_YET", TACTILED_OLD, "no data yet",                              \
@@ -108,7 +108,8 @@ enum tactiled_use {
     X(STALE, "stale", TACTILED_BAD, 4, "STALE", TACTILED_OLD, "stale: no new frame in time",                                \
       "check the device; a slow one needs a stale_ms of three of its periods")                                              \
     X(WRONG_DEVICE, "wrong-device", TACTILED_BAD, 5, "WRONG_DEVICE", 0,                                                     \
-      "wrong device: its frames have another number of channels, or two devices count under its name",                      \
+      "wrong device: its frames have another number of channels or another serial number, or two devices count under its "  \
+      "name",                                                                                                               \
       "mount the device of the calibration, or correct `channels`")                                                         \
     X(NOT_FINITE, "not-finite", TACTILED_BAD, 6, "NOT_FINITE", 0, "result is no number",                                    \
       "check the calibration: the method has no result for this reading")                                                   \
@@ -129,13 +130,14 @@ enum tactiled_use {
     X(SENSORS_DIFFER, "sensors-differ", TACTILED_UNCERTAIN, 19, "SENSORS_DIFFER", TACTILED_ZC_,                             \
       "differs from the sensor that it should agree with", "tare both sensors, then compare them under a load")             \
     X(UNPROVED_AGE, "unproved-age", TACTILED_UNCERTAIN, 20, "UNPROVED_AGE", 0,                                              \
-      "its age is not proved: frames were delayed, or the device paused", "send a counter or the time with each frame")     \
+      "its age is not proved: frames were delayed, or the device paused",                                                   \
+      "wait until the age is proved again, or reopen the link; the time with each frame proves the most")                   \
     X(STEPPED, "stepped", TACTILED_UNCERTAIN, 18, "STEPPED", 0, "a channel has changed faster than it can",                 \
       "check for a loose wire, or raise slew_limit_per_s")                                                                  \
     X(OUTSIDE_DOMAIN, "outside-domain", TACTILED_UNCERTAIN, 11, "OUTSIDE_DOMAIN", TACTILED_FOR_ZERO | TACTILED_FOR_WEIGHT,  \
       "outside the calibrated domain", "reduce the load, or declare the temperature (tactilectl check has the line)")       \
     X(ZERO_UNKNOWN, "zero-unknown", TACTILED_UNCERTAIN, 22, "ZERO_UNKNOWN", TACTILED_FOR_ZERO,                              \
-      "zero unknown: a restart or a reload has lost the tare; tare again, or untare", "tare without a load, or untare")     \
+      "zero unknown: a restart or a reload has lost the tare", "tare without a load, or untare")                            \
     X(UNKNOWN_UNCERTAINTY, "sd-unknown", TACTILED_UNCERTAIN, 12, "NO_UNCERTAINTY", TACTILED_ZC_ | TACTILED_FOR_WEIGHT,      \
       "uncertainty unknown", "see its other reasons, or calibrate with loads that determine the uncertainty")               \
     X(READER_OVERRUN, "reader-overrun", TACTILED_BAD, 13, "OVERRUN", 0, "internal: read overrun", "read again")             \
