@@ -23,7 +23,8 @@ const char* result_text(int result) {
         case TACTILED_COMMAND_NOT_NOW:
             return "refused: a sensor has no trustworthy value now, or a tare is running (tactilectl status)";
         case TACTILED_COMMAND_BAD_MASK: return "refused: no such sensor";
-        case TACTILED_COMMAND_FAILED: return "failed: a sensor lost its value, or gave too few samples, while the zero was averaged";
+        case TACTILED_COMMAND_FAILED:
+            return "failed: a sensor lost its value, or gave too few samples, while the zero was averaged";
         case TACTILED_COMMAND_MOVING:
             return "refused: the force of a sensor moved while its zero was averaged (tare_ms); wait until it rests";
         case TACTILED_COMMAND_UNDER_LOAD:

@@ -113,6 +113,21 @@ TEST_F(UartTest, BytesThatWaitedForAThreadThatStoodStillMayHaveComeAtOnce) {
     EXPECT_NEAR(double(frame.taken_ns - frame.since_ns), 150e6, 60e6);
 }
 
+// A wait of one piece would leave open for 150 ms when the bytes came.
+TEST_F(UartTest, AFrameAfterAPauseIsDatedByTheSliceInWhichItCame) {
+    const auto driver = make("format = \"cobs\"");
+    ASSERT_EQ(driver->open(), "");
+    std::thread device([this] {
+        ::usleep(150'000);
+        send_frame(1);
+    });
+    Frame frame;
+    const Status status = driver->read(frame, 1000);
+    device.join();
+    ASSERT_EQ(status, Status::frame);
+    EXPECT_TRUE(frame.since_ns == 0 || frame.taken_ns - frame.since_ns < 100'000'000) << frame.taken_ns - frame.since_ns;
+}
+
 TEST_F(UartTest, AHangUpIsDisconnectedAndNotReadAgain) {
     const auto driver = make("format = \"cobs\"");
     ASSERT_EQ(driver->open(), "");
