@@ -21,15 +21,20 @@ std::string ask_plain(const Segment& segment, const std::string& words, double t
     return reply;
 }
 
+Segment open_node(const std::string& node) {
+    std::string why;
+    Segment segment = Segment::try_open(node, why);
+    if (!segment.is_open()) throw VerbError(kNotReachable, why);
+    return segment;
+}
+
 Answer ask(const Segment& segment, const std::string& words, double timeout_s) {
     Answer answer;
-    const std::string reply = ask_plain(segment, words, timeout_s, answer.text);
+    std::string why;
+    const std::string reply = ask_plain(segment, words, timeout_s, why);
     int state = 0, used = 0;
-    if (std::sscanf(reply.c_str(), "%d %d%n", &state, &answer.result, &used) != 2) {
-        answer.exit_status = kNotReachable;
-        if (answer.text.empty()) answer.text = "unreadable answer of the daemon";
-        return answer;
-    }
+    if (std::sscanf(reply.c_str(), "%d %d%n", &state, &answer.result, &used) != 2)
+        throw VerbError(kNotReachable, why.empty() ? "unreadable answer of the daemon" : why);
     answer.text = reply.substr(std::min(reply.size(), std::size_t(used) + 1));
     answer.exit_status = answer.result == TACTILED_COMMAND_OK ? kGood : kUnhealthy;
     return answer;

@@ -35,71 +35,68 @@ std::vector<std::string> undetected_loads(const SensorSettings& sensor, const st
     return loads;
 }
 
+struct Args {
+    std::string path;
+    bool keys = false;
+};
+
+int check(const Args& args) {
+    if (args.path.empty() && !args.keys) refuse_missing("file");
+    if (args.keys) {
+        fmt::print("{}", keys_markdown());
+        return kGood;
+    }
+    Problems problems;
+    const Node node = load_node(args.path, problems);
+    for (const auto& line : problems.lines()) fmt::print(stderr, "{}\n", line);
+    if (!problems.empty()) return kUnhealthy;
+    doctor::Findings found;
+    doctor::look_at_safety(node, found);
+    bool wrong = false;
+    for (const auto& f : found) {
+        const bool is_wrong = f.verdict == doctor::Verdict::wrong;
+        wrong = wrong || is_wrong;
+        fmt::print(is_wrong ? stderr : stdout, "{}: {}\n", is_wrong ? "error" : "warning", f.says);
+        if (!f.remedy.empty()) fmt::print(is_wrong ? stderr : stdout, "    -> {}\n", f.remedy);
+    }
+    if (!wrong) fmt::print("{}: good: {} links, {} sensors\n", args.path, node.links.size(), node.sensors.size());
+    if (node.config.grasp)
+        for (const std::string& advice : grasp_advice(*node.config.grasp)) fmt::print("warning: {}\n", advice);
+    for (const std::string& line : doctor::expected_weights(node)) fmt::print("{}\n", line);
+    for (const auto& link : node.links)
+        for (const auto& binding : link->bindings) {
+            const auto& sensor = node.config.sensors[binding.sensor];
+            fmt::print("sensor \"{}\": age proved by {}\n", sensor.name, link->driver->freshness());
+            if (link->driver->freshness().starts_with("arrival") && !sensor.accept_unproved_age)
+                fmt::print(
+                    "warning: sensor \"{}\": tares and weights are refused, because its age is not proved\n"
+                    "    -> accept_unproved_age = true  # or send a counter (sequence = true) or the time\n",
+                    sensor.name);
+            std::vector<std::string> missed = undetected_loads(sensor, node.sensors[binding.sensor].delay_s());
+            if (const std::string delays = doctor::undetected_delays(*link->driver); !delays.empty())
+                missed.insert(missed.begin(), delays);
+            if (!missed.empty()) fmt::print("sensor \"{}\": not detected: {}\n", sensor.name, fmt::join(missed, "; "));
+        }
+    for (const auto& sensor : node.config.sensors) {
+        Problems none;
+        const Calibration calibration = load_calibration(sensor.calibration, none);
+        if (calibration.channels.size() > 1 && calibration.joint_domain.limit == 0)
+            fmt::print(
+                "warning: sensor \"{}\": {} has no joint domain: a channel that is damaged and stays within "
+                "its range can look GOOD; calibrate again\n",
+                sensor.name, sensor.calibration);
+    }
+    return wrong ? kUnhealthy : kGood;
+}
+
 }  // namespace
 
-void add_check(Command program, Run& run) {
-    struct Args {
-        std::string path;
-        bool keys = false;
-    };
+Run add_check(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb = add_verb(program, "check",
-                            "Checks a configuration and its calibrations; prints every error in them, and what is unsafe",
-                            "  tactilectl check my.toml\n  tactilectl check --keys\n");
     const Option file = verb.add_option("file", args->path, "the configuration");
     verb.add_flag("--keys", args->keys, "print every key with its unit, range and default instead, as Markdown")
         .excludes(file);
-    verb.callback([args, &run] {
-        if (args->path.empty() && !args->keys) refuse_missing("file");
-        run = [args] {
-            if (args->keys) {
-                fmt::print("{}", keys_markdown());
-                return kGood;
-            }
-            Problems problems;
-            const Node node = load_node(args->path, problems);
-            for (const auto& line : problems.lines()) fmt::print(stderr, "{}\n", line);
-            if (!problems.empty()) return kUnhealthy;
-            doctor::Findings found;
-            doctor::look_at_safety(node, found);
-            bool wrong = false;
-            for (const auto& f : found) {
-                const bool is_wrong = f.verdict == doctor::Verdict::wrong;
-                wrong = wrong || is_wrong;
-                fmt::print(is_wrong ? stderr : stdout, "{}: {}\n", is_wrong ? "error" : "warning", f.says);
-                if (!f.remedy.empty()) fmt::print(is_wrong ? stderr : stdout, "    -> {}\n", f.remedy);
-            }
-            if (!wrong) fmt::print("{}: good: {} links, {} sensors\n", args->path, node.links.size(), node.sensors.size());
-            if (node.config.grasp)
-                for (const std::string& advice : grasp_advice(*node.config.grasp)) fmt::print("warning: {}\n", advice);
-            for (const std::string& line : doctor::expected_weights(node)) fmt::print("{}\n", line);
-            for (const auto& link : node.links)
-                for (const auto& binding : link->bindings) {
-                    const auto& sensor = node.config.sensors[binding.sensor];
-                    fmt::print("sensor \"{}\": age proved by {}\n", sensor.name, link->driver->freshness());
-                    if (link->driver->freshness().starts_with("arrival") && !sensor.accept_unproved_age)
-                        fmt::print(
-                            "warning: sensor \"{}\": tares and weights are refused, because its age is not proved\n"
-                            "    -> accept_unproved_age = true  # or send a counter (sequence = true) or the time\n",
-                            sensor.name);
-                    std::vector<std::string> missed = undetected_loads(sensor, node.sensors[binding.sensor].delay_s());
-                    if (const std::string delays = doctor::undetected_delays(*link->driver); !delays.empty())
-                        missed.insert(missed.begin(), delays);
-                    if (!missed.empty())
-                        fmt::print("sensor \"{}\": not detected: {}\n", sensor.name, fmt::join(missed, "; "));
-                }
-            for (const auto& sensor : node.config.sensors) {
-                Problems none;
-                const Calibration calibration = load_calibration(sensor.calibration, none);
-                if (calibration.channels.size() > 1 && calibration.joint_domain.limit == 0)
-                    fmt::print(
-                        "warning: sensor \"{}\": {} has no joint domain: a channel that is damaged and stays within "
-                        "its range can look GOOD; calibrate again\n",
-                        sensor.name, sensor.calibration);
-            }
-            return wrong ? kUnhealthy : kGood;
-        };
-    });
+    return [args] { return check(*args); };
 }
 
 }  // namespace tactiled::ctl

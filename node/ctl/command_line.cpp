@@ -15,6 +15,8 @@
 
 #include "config/options.hpp"
 #include "config/text_file.hpp"
+#include "node/ctl/verb_first.hpp"
+#include "node/ctl/verbs.hpp"
 #include "node/version.hpp"
 #include "tactiled/reader.h"
 
@@ -82,15 +84,9 @@ Command Command::add_group_of_which_one_is_needed(const std::string& name) {
     return Command(group);
 }
 void Command::require_verb() { app_->require_subcommand(1); }
-void Command::in_group(const std::string& title) { app_->group(title); }
 void Command::footer(const std::string& text) { app_->footer(text); }
 void Command::version(const std::string& text) { app_->set_version_flag("--version", text); }
 void Command::callback(std::function<void()> parsed) { app_->callback(std::move(parsed)); }
-std::vector<std::string> Command::verbs() const {
-    std::vector<std::string> names;
-    for (const CLI::App* each : app_->get_subcommands({})) names.push_back(each->get_name());
-    return names;
-}
 
 Program::Program(const std::string& description, const std::string& name)
     : Program(std::make_unique<CLI::App>(description, name)) {}
@@ -117,6 +113,10 @@ void add_node_option(Command verb, std::string& node_name) {
     verb.add_option(
         "--runtime-dir", [](const std::string& folder) { ::setenv(TACTILED_FOLDER_VARIABLE, folder.c_str(), 1); },
         "folder of the daemon's segment; default: TACTILED_RUNTIME_DIR, /run/tactiled, $XDG_RUNTIME_DIR/tactiled");
+}
+
+void add_timeout_option(Command verb, double& timeout_s) {
+    verb.add_option("--timeout", timeout_s, "seconds to wait for the daemon's answer").number_in(0.1, 60.0).show_default();
 }
 
 namespace {
@@ -166,6 +166,10 @@ int run_program(Command program, int argc, char** argv, const Run& run) {
     try {
         status = run();
         ran = true;
+    } catch (const CLI::ParseError& error) { return app.exit(error) == 0 ? kGood : kUsage; } catch (const VerbError& error) {
+        print(error);
+        status = error.status;
+        ran = true;
     } catch (const SaveError& error) {  // the command line is correct
         print(error);
     } catch (const SetupError& error) {
@@ -204,19 +208,28 @@ std::string why_no_verb(const CLI::App& app, char** words) {
 
 }  // namespace
 
-int run_verb(int argc, char** argv, std::span<const AddVerb> verbs) {
+int run_verb(char** argv, std::span<const Verb> verbs) {
+    std::vector<char*> words = verb_first(argv);
+    for (const Verb& verb : verbs)
+        if (verb.add == nullptr && verb.name == verb_of(words)) return start_laboratory(words);
     CLI::App app{"Reads, checks and calibrates the tactile sensors of a tactiled daemon.", "tactilectl"};
     app.set_version_flag("--version", version_text());
     app.require_subcommand(1);
     app.footer(fmt::format("tactilectl VERB --help describes a verb.\n{}", kExitStatuses));
     Run run;
     const Command program(&app);
-    for (const AddVerb add : verbs) add(program, run);
-    if (const std::string why = why_no_verb(app, argc > 0 ? argv + 1 : nullptr); !why.empty()) {
+    for (const Verb& verb : verbs) {
+        const Command command = add_verb(program, verb.name, verb.help, verb.examples);
+        if (verb.add == nullptr)
+            command.app().group("Laboratory (package tactiled-lab)");
+        else
+            command.app().callback([&run, action = verb.add(command)] { run = action; });
+    }
+    if (const std::string why = why_no_verb(app, words.size() > 1 ? words.data() + 1 : nullptr); !why.empty()) {
         fmt::print(stderr, "tactilectl: {}\n", why);
         return kUsage;
     }
-    return run_program(program, argc, argv, run);
+    return run_program(program, int(words.size()) - 1, words.data(), [&] { return run(); });
 }
 
 }  // namespace tactiled::ctl

@@ -54,11 +54,9 @@ public:
     Option add_flag(const std::string& name, bool& variable, const std::string& help);
     Command add_group_of_which_one_is_needed(const std::string& name);
     void require_verb();
-    void in_group(const std::string& title);  // a heading in --help
     void footer(const std::string& text);
     void version(const std::string& text);
     void callback(std::function<void()> parsed);
-    [[nodiscard]] std::vector<std::string> verbs() const;
     [[nodiscard]] CLI::App& app() const { return *app_; }
 
 private:
@@ -87,11 +85,20 @@ Command add_verb(Command program, const std::string& name, const std::string& he
 
 // Adds --node NAME, which selects the daemon, and --runtime-dir.
 void add_node_option(Command verb, std::string& node_name);
+// Adds --timeout, for the daemon's answer.
+void add_timeout_option(Command verb, double& timeout_s);
 
 // Parses the arguments, calls `run`, prints its exceptions after the program's name, and returns the exit status.
 int run_program(Command program, int argc, char** argv, const Run& run);
-// Does the same for a program of several verbs that users call tactilectl. The first word is the verb
-// (verb_first.hpp). For an unknown verb the error names the most similar one.
-int run_verb(int argc, char** argv, std::span<const AddVerb> verbs);
+// A row of the table of verbs (verbs.hpp). `examples`: command lines, one per line, for --help.
+using AddVerb = Run (*)(Command verb);  // adds the options, and returns the action
+struct Verb {
+    const char* name;
+    AddVerb add;  // nullptr: a verb of another program, which is only listed
+    const char *help, *examples;
+};
+// Does the same for a program of several verbs that users call tactilectl, with the words of verb_first.hpp. A verb
+// without a function is run by the other program. For an unknown verb the error names the most similar one.
+int run_verb(char** argv, std::span<const Verb> verbs);
 
 }  // namespace tactiled::ctl

@@ -1,11 +1,10 @@
 // tactilectl completion bash|zsh: the script that completes verbs, options, sensors and files.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <memory>
 
 #include "node/ctl/command_line.hpp"
-#include "node/ctl/verb.hpp"
+#include "node/ctl/verbs.hpp"
 
 namespace tactiled::ctl {
 namespace {
@@ -37,27 +36,23 @@ constexpr char kZsh[] =
     "# zsh: source <(tactilectl completion zsh)\nautoload -U +X compinit && compinit\n"
     "autoload -U +X bashcompinit && bashcompinit\n";
 
-std::string script(const std::string& shell, const std::vector<std::string>& verbs) {
-    std::string text = kBash;
-    const std::string mark = "@VERBS@", names = fmt::format("{}", fmt::join(verbs, " "));
+std::string script(const std::string& shell) {
+    std::string text = kBash, names;
+    for (const Verb& verb : verbs()) names += (names.empty() ? "" : " ") + std::string(verb.name);
+    const std::string mark = "@VERBS@";
     for (std::size_t at = text.find(mark); at != text.npos; at = text.find(mark, at)) text.replace(at, mark.size(), names);
     return shell == "zsh" ? kZsh + text : text;
 }
 
 }  // namespace
 
-void add_completion(Command program, Run& run) {
+Run add_completion(Command verb) {
     auto shell = std::make_shared<std::string>();
-    Command verb =
-        add_verb(program, "completion", "Prints a script that completes verbs, options and sensors in bash or zsh",
-                 "  source <(tactilectl completion bash)\n");
     verb.add_option("shell", *shell, "bash or zsh").required().one_of({"bash", "zsh"});
-    verb.callback([program, &run, shell] {
-        run = [program, shell] {
-            fmt::print("{}", script(*shell, program.verbs()));
-            return kGood;
-        };
-    });
+    return [shell] {
+        fmt::print("{}", script(*shell));
+        return kGood;
+    };
 }
 
 }  // namespace tactiled::ctl

@@ -110,30 +110,24 @@ nlohmann::json as_json(const Findings& found, bool good) {
 
 }  // namespace
 
-void add_doctor(Command program, Run& run) {
+Run add_doctor(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb = add_verb(program, "doctor",
-                            "Checks what on this machine can delay the daemon (rights, kernel, processors, clock, devices) "
-                            "and what in its configuration is unsafe; exit status 1 when something is wrong",
-                            "  tactilectl doctor --config my.toml\n");
     verb.add_option("--config", args->config, "the daemon's configuration").show_default();
     verb.add_option("--user", args->user,
                     "the daemon's user; default: the running daemon's, else tactiled, else the caller");
     verb.add_option("--pid", args->pid, "the daemon; default: the one that runs under the configuration's name");
     verb.add_option("--root", args->root, "the folder of another machine's /proc, /sys, /dev and /etc");
     verb.add_flag("--json", args->json, "one JSON object");
-    verb.callback([args, &run] {
-        run = [args] {
-            const Findings found = examine(*args);
-            const bool good =
-                std::none_of(found.begin(), found.end(), [](const Finding& f) { return f.verdict == Verdict::wrong; });
-            if (args->json)
-                fmt::print("{}\n", as_json(found, good).dump());
-            else
-                print(found);
-            return good ? kGood : kUnhealthy;
-        };
-    });
+    return [args] {
+        const Findings found = examine(*args);
+        const bool good =
+            std::none_of(found.begin(), found.end(), [](const Finding& f) { return f.verdict == Verdict::wrong; });
+        if (args->json)
+            fmt::print("{}\n", as_json(found, good).dump());
+        else
+            print(found);
+        return good ? kGood : kUnhealthy;
+    };
 }
 
 }  // namespace tactiled::ctl

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "decoupling/grasp/setup_check.hpp"
+#include "node/ctl/ask.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/guided.hpp"
 #include "node/ctl/verb.hpp"
@@ -101,12 +102,7 @@ std::string says(const SetupFinding& f, const grasp::GuidedGrasp& seen, const Gr
 
 int check(const Args& args) {
     catch_interrupt();
-    std::string why;
-    const Segment segment = Segment::try_open(args.node, why);
-    if (!segment.is_open()) {
-        fmt::print(stderr, "tactilectl: {}\n", why);
-        return kNotReachable;
-    }
+    const Segment segment = open_node(args.node);
     const Node node = configuration_of(segment, args.config);
     if (!node.grasp || !node.config.grasp) throw SetupError("there is no [grasp] in the configuration");
     const GraspSettings& settings = *node.config.grasp;
@@ -152,10 +148,7 @@ int check(const Args& args) {
             fmt::print("  not taken: no jaw feels an object: close the jaws on it\n");
             seen = pose(segment, mask, args.seconds, step.what);
         }
-        if (!seen) {
-            fmt::print(stderr, "tactilectl: ended before all four steps\n");
-            return kUnhealthy;
-        }
+        if (!seen) throw VerbError(kUnhealthy, "ended before all four steps");
         if (step.into == nullptr) open = seen;
         for (std::size_t j = 0; j < guided.jaws.size() && step.into != nullptr; ++j) {
             const std::uint32_t sensor = node.grasp->estimator.jaws[j].sensor;
@@ -186,18 +179,14 @@ int check(const Args& args) {
 
 }  // namespace
 
-void add_grasp_check(Command program, Run& run) {
+Run add_grasp_check(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb =
-        add_verb(program, "grasp-check",
-                 "Finds errors of [grasp] in a guided grasp of a known weight, and prints the lines that are right",
-                 "  tactilectl grasp-check 0.250     with an object of 250 g\n");
     verb.add_option("mass", args->mass_kg, "mass of the object in kg").required().number_in(1e-3, 1000.0);
     add_node_option(verb, args->node);
     verb.add_option("--config", args->config, "the configuration; default: the daemon's own");
     verb.add_option("--tilt", args->tilt_deg, "degrees of the tilt").number_in(kLeastTilt_deg, 60.0).show_default();
     verb.add_option("--seconds", args->seconds, "that each step is averaged").number_in(0.1, 60.0).show_default();
-    verb.callback([args, &run] { run = [args] { return check(*args); }; });
+    return [args] { return check(*args); };
 }
 
 }  // namespace tactiled::ctl

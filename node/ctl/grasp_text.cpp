@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "node/ctl/verb.hpp"
+
 namespace tactiled::ctl {
 namespace {
 
@@ -40,10 +42,7 @@ const char* slip_state_text(std::uint32_t state) {
 std::string doubts_text(std::uint32_t doubts) {
     static constexpr const char* kWords[] = {"balance", "shares", "dead-shear", "negative",
                                              "creeps",  "moves",  "across",     "late"};
-    std::string text;
-    for (std::size_t bit = 0; bit < std::size(kWords); ++bit)
-        if ((doubts >> bit & 1u) != 0) text += fmt::format("{}{}", text.empty() ? "" : " ", kWords[bit]);
-    return text;
+    return words_of(doubts, kWords);
 }
 
 std::string grasp_lines(const Segment& segment, const tactiled_grasp& g) {

@@ -1,26 +1,20 @@
-#include "node/ctl/laboratory.hpp"
+#include "node/ctl/verbs.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
-#include <iterator>
 #include <system_error>
 
-#include "node/ctl/verb.hpp"
 #include "node/ctl/verb_first.hpp"
 
 namespace tactiled::ctl {
 
-std::optional<int> start_laboratory(const std::vector<char*>& words) {
+int start_laboratory(const std::vector<char*>& words) {
     const std::string_view word = verb_of(words);
-    if (std::none_of(std::begin(kLaboratoryVerbs), std::end(kLaboratoryVerbs),
-                     [&](const auto& verb) { return verb.name == word; }))
-        return std::nullopt;
     std::error_code error;
     const auto here = std::filesystem::read_symlink("/proc/self/exe", error);
     if (error) {

@@ -10,33 +10,27 @@
 
 namespace tactiled::ctl {
 
-void add_map(Command program, Run& run) {
+Run add_map(Command verb) {
     struct Args {
         std::string format = "md";
         bool json = false;
         unsigned sensors = 2;
     };
     auto args = std::make_shared<Args>();
-    Command verb =
-        add_verb(program, "map", "The Modbus register map",
-                 "  tactilectl map --format csv > map.csv\n  tactilectl map --format st --sensors 2 > tactiled.st\n");
     verb.add_option("--format", args->format,
                     "md: Markdown; csv: a row a register; st: IEC 61131-3 structured text; man: manual page")
         .one_of({"md", "csv", "st", "man"})
         .show_default();
     verb.add_flag("--json", args->json, "the same rows as csv, as JSON");
     verb.add_option("--sensors", args->sensors, "st: how many sensors to unpack").integer_in(1, 16).show_default();
-    verb.callback([&run, args] {
-        run = [args] {
-            const std::string text = args->json              ? map_json()
-                                     : args->format == "csv" ? map_csv()
-                                     : args->format == "st"  ? map_structured_text(args->sensors)
-                                     : args->format == "man" ? map_manual_page()
-                                                             : map_markdown();
-            fmt::print("{}", text);
-            return kGood;
-        };
-    });
+    return [args] {
+        fmt::print("{}", args->json              ? map_json()
+                         : args->format == "csv" ? map_csv()
+                         : args->format == "st"  ? map_structured_text(args->sensors)
+                         : args->format == "man" ? map_manual_page()
+                                                 : map_markdown());
+        return kGood;
+    };
 }
 
 }  // namespace tactiled::ctl

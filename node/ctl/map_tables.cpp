@@ -94,6 +94,11 @@ std::string title_of(const Area& area) {
     return title;
 }
 
+std::string escaped(std::string text, char special) {
+    for (std::size_t i = 0; (i = text.find(special, i)) != std::string::npos; i += 2) text.insert(i, 1, special);
+    return text;
+}
+
 // Calls `each` with (title, run, whether it may be written) for coils and inputs.
 template <class Each>
 void each_bits(Each&& each) {
@@ -154,10 +159,7 @@ std::string map_markdown() {
 std::string map_csv() {
     std::string out =
         "kind,address,number_3xxxx,number_4xxxx,registers,sensor,name,type,unit,access,least,most,meaning,mbpoll\n";
-    const auto quoted = [](std::string text) {
-        for (std::size_t i = 0; (i = text.find('"', i)) != std::string::npos; i += 2) text.insert(i, "\"");
-        return '"' + text + '"';
-    };
+    const auto quoted = [](const std::string& text) { return '"' + escaped(text, '"') + '"'; };
     for (const Area& area : areas())
         for (unsigned n = 0; n < (area.repeats != 0 ? area.size / area.repeats : 1u); ++n)
             for (const Register& plain : area.registers) {
@@ -219,8 +221,8 @@ std::string map_manual_page() {
         "Modbus register map of tactiled\n.SH DESCRIPTION\n",
         TACTILED_VERSION, kMapMajor, kMapMinor);
     // roff interprets a backslash, and a dot or an apostrophe at the start of a line
-    const auto safe = [](std::string text) {
-        for (std::size_t i = 0; (i = text.find('\\', i)) != std::string::npos; i += 2) text.insert(i, "\\");
+    const auto safe = [](const std::string& plain) {
+        const std::string text = escaped(plain, '\\');
         return text.empty() || (text[0] != '.' && text[0] != '\'') ? text : "\\&" + text;
     };
     for (const char* rule : kRules) out += fmt::format(".IP \\(bu 2\n{}\n", safe(rule));

@@ -33,20 +33,15 @@ std::string csv_row(const tactiled_sample& s, bool raw) {
 }
 
 std::string json_row(const tactiled_sample& s) {
-    const auto triple = [](const double* v) {
-        nlohmann::json list;
-        for (int i = 0; i < 3; ++i) list.push_back(std::isfinite(v[i]) ? nlohmann::json(v[i]) : nlohmann::json(nullptr));
-        return list;
-    };
     return nlohmann::json{{"schema", 1},
                           {"sequence", s.sequence},
                           {"t_ns", s.t_ns},
                           {"epoch", s.epoch},
                           {"quality", quality_text(s.quality, s.reasons)},
-                          {"force_S_N", triple(s.force_S_N)},
-                          {"torque_S_Nm", triple(s.torque_S_Nm)},
-                          {"sd_force_N", triple(s.sd_force_N)},
-                          {"raw_force_S_N", triple(s.raw_force_S_N)},
+                          {"force_S_N", s.force_S_N},
+                          {"torque_S_Nm", s.torque_S_Nm},
+                          {"sd_force_N", s.sd_force_N},
+                          {"raw_force_S_N", s.raw_force_S_N},
                           {"tare_count", s.tare_count}}
         .dump();
 }
@@ -113,10 +108,8 @@ int read(const Args& args) {
 
 }  // namespace
 
-void add_read(Command program, Run& run) {
+Run add_read(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb = add_verb(program, "read", "The newest sample of a sensor, or all of them as they come",
-                            "  tactilectl read left\n  tactilectl read left --follow --csv --count 1000 > forces.csv\n");
     verb.add_option("sensor", args->sensor, "name of the sensor").required();
     add_node_option(verb, args->node);
     verb.add_flag("--follow", args->follow, "every sample, as they come");
@@ -129,7 +122,7 @@ void add_read(Command program, Run& run) {
     verb.add_option("--timeout", args->timeout_s, "with --follow: seconds without a sample before giving up; 0 never")
         .not_negative()
         .show_default();
-    verb.callback([args, &run] { run = [args] { return read(*args); }; });
+    return [args] { return read(*args); };
 }
 
 }  // namespace tactiled::ctl

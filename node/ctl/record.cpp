@@ -238,19 +238,11 @@ private:
 
 int record(const Args& args) {
     catch_interrupt();
-    std::string why;
-    const Segment segment = Segment::try_open(args.node, why);
-    if (!segment.is_open()) {
-        fmt::print(stderr, "tactilectl: {}\n", why);
-        return kNotReachable;
-    }
+    const Segment segment = open_node(args.node);
     if (segment.n_links() != 0 && segment.link(0).frames.slots == 0)
         throw SetupError(fmt::format("node \"{}\" is of version {}, which shows no frames: nothing could be replayed",
                                      args.node, segment.header().version));
-    if (const Liveness liveness = liveness_of(segment); liveness.is_dead()) {
-        fmt::print(stderr, "tactilectl: {}\n", liveness.why);
-        return kNotReachable;
-    }
+    if (const Liveness liveness = liveness_of(segment); liveness.is_dead()) throw VerbError(kNotReachable, liveness.why);
     Recording recording(segment, args);
     const std::uint64_t begun_ns = monotonic_ns();
     std::uint64_t flushed_ns = begun_ns;
@@ -284,23 +276,15 @@ int record(const Args& args) {
                    recording.file().bytes(), ended ? "; the daemon has ended" : "");
     if (recording.lost() != 0)
         fmt::print(stderr, "tactilectl: {} records were missed: this program or the disk was too slow\n", recording.lost());
-    if (!died.empty()) {
-        fmt::print(stderr, "tactilectl: {}\n", died);
-        return kNotReachable;
-    }
-    if (recording.file().messages() == 0) {
-        fmt::print(stderr, "tactilectl: nothing was recorded: no link sent a frame\n");
-        return kUnhealthy;
-    }
+    if (!died.empty()) throw VerbError(kNotReachable, died);
+    if (recording.file().messages() == 0) throw VerbError(kUnhealthy, "nothing was recorded: no link sent a frame");
     return recording.lost() != 0 ? kUnhealthy : kGood;
 }
 
 }  // namespace
 
-void add_record(Command program, Run& run) {
+Run add_record(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb = add_verb(program, "record", "All frames and samples into an MCAP file, until Ctrl-C or the daemon's end",
-                            "  tactilectl record pick.mcap --seconds 10\n");
     verb.add_option("file", args->file, "such as pick.mcap; forces as geometry_msgs/WrenchStamped beside the whole samples")
         .required();
     add_node_option(verb, args->node);
@@ -317,7 +301,7 @@ void add_record(Command program, Run& run) {
         .show_default();
     verb.add_flag("--overwrite", args->overwrite, "replace a file that is there");
     verb.add_flag("--json", args->json, "say at the end as JSON what was recorded");
-    verb.callback([args, &run] { run = [args] { return record(*args); }; });
+    return [args] { return record(*args); };
 }
 
 }  // namespace tactiled::ctl

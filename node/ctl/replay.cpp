@@ -253,17 +253,14 @@ int replay(const Args& args) {
 
 }  // namespace
 
-void add_replay(Command program, Run& run) {
+Run add_replay(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb = add_verb(program, "replay", "Processes a recording with the daemon's own code, and compares the samples",
-                            "  tactilectl replay pick.mcap --config my.toml\n  tactilectl replay pick.mcap --config my.toml "
-                            "--sensor left --out forces.csv\n");
     verb.add_option("file", args->file, "made by tactilectl record").required();
     verb.add_option("--config", args->config, "another configuration than the one in the recording");
     verb.add_option("--out", args->out, "forces.csv of one sensor; - is standard output");
     verb.add_option("--sensor", args->sensor, "whose forces, where there are several");
     verb.add_flag("--json", args->json, "the comparison as JSON");
-    verb.callback([args, &run] { run = [args] { return replay(*args); }; });
+    return [args] { return replay(*args); };
 }
 
 }  // namespace tactiled::ctl

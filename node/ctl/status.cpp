@@ -232,14 +232,11 @@ bool is_healthy(const Segment& segment, const Snapshot& snapshot) {
     return true;
 }
 
-void add_status(Command program, Run& run) {
+Run add_status(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb =
-        add_verb(program, "status", "All sensors, links and the grasp once; exit status 1 when a sensor has no value",
-                 "  tactilectl status\n  tactilectl status --json | jq .fault\n");
     add_node_option(verb, args->node);
     verb.add_flag("--json", args->json, "one JSON object");
-    verb.callback([args, &run] { run = [args] { return status(*args); }; });
+    return [args] { return status(*args); };
 }
 
 }  // namespace tactiled::ctl

@@ -40,28 +40,16 @@ const char* result_text(int result) {
 }
 
 int tare(const Args& args) {
-    std::string why;
-    const Segment segment = Segment::try_open(args.node, why);
-    if (!segment.is_open()) {
-        fmt::print(stderr, "tactilectl: {}\n", why);
-        return kNotReachable;
-    }
+    const Segment segment = open_node(args.node);
     std::uint32_t mask = (1u << segment.n_sensors()) - 1;
     if (args.sensor != "all") {
         const int index = segment.find(args.sensor);
-        if (index < 0) {
-            fmt::print(stderr, "tactilectl: {}\n", segment.why_no_sensor(args.node, args.sensor));
-            return kUsage;
-        }
+        if (index < 0) throw VerbError(kUsage, segment.why_no_sensor(args.node, args.sensor));
         mask = 1u << index;
     }
     const char* const verb = args.remove ? "untare" : "tare";
     const Answer answer = ask(segment, fmt::format("{} {}", verb, mask), args.timeout_s);
-    if (answer.exit_status == kNotReachable)
-        fmt::print(stderr, "tactilectl: {}\n", answer.text);
-    else
-        fmt::print(answer.exit_status == kGood ? stdout : stderr, "{} {}: {}\n", verb, args.sensor,
-                   result_text(answer.result));
+    fmt::print(answer.exit_status == kGood ? stdout : stderr, "{} {}: {}\n", verb, args.sensor, result_text(answer.result));
     Snapshot now;
     if (answer.result == TACTILED_COMMAND_UNDER_LOAD && segment.snapshot(now))
         for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
@@ -80,18 +68,13 @@ int tare(const Args& args) {
 
 }  // namespace
 
-void add_tare(Command program, Run& run) {
+Run add_tare(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb =
-        add_verb(program, "tare", "Sets the zero of a sensor to its present reading; the raw force stays readable",
-                 "  tactilectl tare left\n  tactilectl tare all --remove\n");
     verb.add_option("sensor", args->sensor, "name of the sensor, or all").required();
     add_node_option(verb, args->node);
     verb.add_flag("--remove", args->remove, "back to the calibration's zero");
-    verb.add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's answer")
-        .number_in(0.1, 60.0)
-        .show_default();
-    verb.callback([args, &run] { run = [args] { return tare(*args); }; });
+    add_timeout_option(verb, args->timeout_s);
+    return [args] { return tare(*args); };
 }
 
 }  // namespace tactiled::ctl

@@ -28,13 +28,7 @@ nlohmann::json as_json(const TaughtObject& o) {
             {"sd_kg", o.sd_kg}, {"grasps", o.grasps}, {"scaled", o.scaled}};
 }
 
-int fail(int exit_status, const std::string& why) {
-    fmt::print(stderr, "tactilectl: {}\n", why);
-    return exit_status;
-}
-
-// Returns the next grasps of the node, each as soon as its weight is stable. Returns fewer than requested if it gives
-// up, and prints the reason.
+// Returns the next grasps of the node, each as soon as its weight is stable; fewer than requested if interrupted.
 std::vector<Weighing> weigh_grasps(Segment& segment, const Args& args) {
     std::vector<Weighing> weighings;
     tactiled_node node{};
@@ -42,11 +36,9 @@ std::vector<Weighing> weigh_grasps(Segment& segment, const Args& args) {
     std::uint32_t taken = 0;  // tactiled_grasp.grasps of the last one, or at the beginning
     std::uint64_t heard_ns = monotonic_ns();
     while (interrupted == 0 && weighings.size() < args.count) {
-        if (double(monotonic_ns() - heard_ns) > args.timeout_s * 1e9) {
-            fail(kUnhealthy, fmt::format("no grasp with a stable weight for {} s: {} of {} seen, nothing stored",
-                                         args.timeout_s, weighings.size(), args.count));
-            break;
-        }
+        if (double(monotonic_ns() - heard_ns) > args.timeout_s * 1e9)
+            throw VerbError(kUnhealthy, fmt::format("no grasp with a stable weight for {} s: {} of {} seen, nothing stored",
+                                                    args.timeout_s, weighings.size(), args.count));
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
         std::string unused;
         if (!segment.is_current()) {  // a successor counts from 0
@@ -77,8 +69,8 @@ int store_and_load(const Segment& segment, const std::string& path, const std::v
     store_objects(path, taught);
     const Answer answer = ask(segment, "load-objects", 5);
     if (answer.exit_status != kGood)
-        fail(answer.exit_status, fmt::format("{} is stored, but the daemon has not read it: {}", path,
-                                             answer.text.empty() ? "refused" : answer.text));
+        fmt::print(stderr, "tactilectl: {} is stored, but the daemon has not read it: {}\n", path,
+                   answer.text.empty() ? "refused" : answer.text);
     return answer.exit_status;
 }
 
@@ -125,32 +117,33 @@ int teach(Segment& segment, const std::string& path, const Args& args) {
     std::vector<TaughtObject> before = taught_in(path);
     const TaughtObject* known = find_object(before, args.name);
     if (known == nullptr && before.size() >= grasp::Grasp::kMaxObjects)
-        return fail(kUnhealthy,
-                    fmt::format("{} objects are taught, no more fit: tactilectl teach --forget NAME", before.size()));
+        throw VerbError(kUnhealthy,
+                        fmt::format("{} objects are taught, no more fit: tactilectl teach --forget NAME", before.size()));
     fmt::print(stderr, "Grasp and lift \"{}\" {} times, and release it in between.{}\n", args.name, args.count,
                known != nullptr ? " What was taught of it before is replaced." : "");
     const auto weighings = weigh_grasps(segment, args);
     if (weighings.size() < args.count) return kUnhealthy;
     for (const Weighing& w : weighings)
         if (w.scaled != weighings.front().scaled)
-            return fail(kUnhealthy,
-                        "the scale was set in between (tactilectl weigh known or forget, or a restart): nothing stored");
+            throw VerbError(kUnhealthy,
+                            "the scale was set in between (tactilectl weigh known or forget, or a restart): nothing stored");
     const double scatter = scatter_kg(weighings);
     if (const double mass_kg = summary_of(weighings).mass_kg;
         scatter > kApart * mass_kg && scatter > kApart_stated * stated_kg(weighings))
-        return fail(kUnhealthy, fmt::format("the {} weights of {:.4f} kg on average scatter by {:.4f} kg, and each states "
-                                            "{:.4f} kg: they are of different objects. Nothing stored",
-                                            weighings.size(), mass_kg, scatter, stated_kg(weighings)));
+        throw VerbError(kUnhealthy,
+                        fmt::format("the {} weights of {:.4f} kg on average scatter by {:.4f} kg, and each states "
+                                    "{:.4f} kg: they are of different objects. Nothing stored",
+                                    weighings.size(), mass_kg, scatter, stated_kg(weighings)));
     const ObjectsLock lock(path);
     before = taught_in(path);  // another program may have changed the file meanwhile
     known = find_object(before, args.name);
     if (known == nullptr && before.size() >= grasp::Grasp::kMaxObjects)
-        return fail(kUnhealthy, fmt::format("{} objects are taught by now, no more fit", before.size()));
+        throw VerbError(kUnhealthy, fmt::format("{} objects are taught by now, no more fit", before.size()));
     TaughtObject object = summary_of(weighings);
     object.name = args.name;
     object.id = known != nullptr ? known->id : free_id(before);
     if (const auto confusion = confused_with(object, before))
-        return fail(
+        throw VerbError(
             kUnhealthy,
             fmt::format("\"{}\" ({:.4f} kg, sd {:.4f} kg) cannot be distinguished from \"{}\" ({:.4f} kg, sd {:.4f} kg): "
                         "they are {:.1f} sd of each apart, {:g} are needed. Nothing stored",
@@ -173,15 +166,15 @@ int teach(Segment& segment, const std::string& path, const Args& args) {
 
 int run_teach(const Args& args) {
     catch_interrupt();
+    Segment segment = open_node(args.node);
     std::string why;
-    Segment segment = Segment::try_open(args.node, why);
-    if (!segment.is_open()) return fail(kNotReachable, why);
     const std::string path = ask_plain(segment, "objects-file", 5, why);
-    if (path.empty()) return fail(kNotReachable, why);
-    if (path.front() != '/') return fail(kUnhealthy, "there is no [grasp] in the daemon's configuration");
+    if (path.empty()) throw VerbError(kNotReachable, why);
+    if (path.front() != '/') throw VerbError(kUnhealthy, "there is no [grasp] in the daemon's configuration");
     if (args.reload) {
         const Answer answer = ask(segment, "load-objects", 5);
-        return answer.exit_status == kGood ? kGood : fail(answer.exit_status, answer.text);
+        if (answer.exit_status != kGood) throw VerbError(answer.exit_status, answer.text);
+        return kGood;
     }
     if (args.list) return list(taught_in(path), args.json);
     if (args.forget.empty()) return teach(segment, path, args);
@@ -189,7 +182,7 @@ int run_teach(const Args& args) {
     const auto taught = taught_in(path);
     const TaughtObject* const disconnected = find_object(taught, args.forget);
     if (disconnected == nullptr)
-        return fail(kUsage, fmt::format("no object \"{}\" is taught (tactilectl teach --list)", args.forget));
+        throw VerbError(kUsage, fmt::format("no object \"{}\" is taught (tactilectl teach --list)", args.forget));
     std::vector<TaughtObject> left;
     for (const auto& object : taught)
         if (&object != disconnected) left.push_back(object);
@@ -200,11 +193,8 @@ int run_teach(const Args& args) {
 
 }  // namespace
 
-void add_teach(Command program, Run& run) {
+Run add_teach(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb =
-        add_verb(program, "teach", "Learns the mass of an object from real grasps, so that the daemon recognises it",
-                 "  tactilectl teach bolt\n  tactilectl teach --list\n");
     Command what = verb.add_group_of_which_one_is_needed("what");
     what.add_option("name", args->name, "the object's name").check([](const std::string& name) {
         return valid_name(name) ? std::string() : std::string(kValidName);
@@ -218,7 +208,7 @@ void add_teach(Command program, Run& run) {
         .number_in(0.1, 86400.0)
         .show_default();
     verb.add_flag("--json", args->json, "one JSON object");
-    verb.callback([args, &run] { run = [args] { return run_teach(*args); }; });
+    return [args] { return run_teach(*args); };
 }
 
 }  // namespace tactiled::ctl

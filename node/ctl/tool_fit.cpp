@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "decoupling/tool/tool_fit.hpp"
+#include "node/ctl/ask.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/guided.hpp"
 #include "node/ctl/verb.hpp"
@@ -68,22 +69,15 @@ bool take_pose(const Segment& segment, const Args& args, std::uint32_t mask, std
 
 int fit(const Args& args) {
     catch_interrupt();
-    std::string why;
-    const Segment segment = Segment::try_open(args.node, why);
-    if (!segment.is_open()) {
-        fmt::print(stderr, "tactilectl: {}\n", why);
-        return kNotReachable;
-    }
+    const Segment segment = open_node(args.node);
     const Node node = configuration_of(segment, args.config);
     if (!node.tool) throw SetupError("there is no [tool] in the configuration");
     std::uint32_t mask = 0;
     for (const auto& sensor : node.tool->sensors) mask |= 1u << sensor.sensor;
     std::vector<Observed> poses;
     while (poses.size() < args.poses)
-        if (!take_pose(segment, args, mask, poses)) {
-            fmt::print(stderr, "tactilectl: ended after {} of {} poses\n", poses.size(), args.poses);
-            return kUnhealthy;
-        }
+        if (!take_pose(segment, args, mask, poses))
+            throw VerbError(kUnhealthy, fmt::format("ended after {} of {} poses", poses.size(), args.poses));
     int exit_status = kGood;
     fmt::print("\n# For the configuration; then reload the daemon, and untare.\n");
     for (const auto& sensor : node.tool->sensors) {
@@ -115,12 +109,8 @@ int fit(const Args& args) {
 
 }  // namespace
 
-void add_tool_fit(Command program, Run& run) {
+Run add_tool_fit(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb =
-        add_verb(program, "tool-fit",
-                 "Measures the mass and the centre of the hand that the sensors of [tool] carry, in poses that you choose",
-                 "  tactilectl tool-fit --poses 8\n");
     add_node_option(verb, args->node);
     verb.add_option("--config", args->config, "the configuration; default: the daemon's own");
     verb.add_option("--poses", args->poses, "how many, of orientations as different as possible")
@@ -128,7 +118,7 @@ void add_tool_fit(Command program, Run& run) {
         .show_default();
     verb.add_option("--seconds", args->seconds, "that each pose is averaged").number_in(0.1, 60.0).show_default();
     verb.add_flag("--ask-gravity", args->ask_gravity, "asks for gravity in each pose, where no robot reports it");
-    verb.callback([args, &run] { run = [args] { return fit(*args); }; });
+    return [args] { return fit(*args); };
 }
 
 }  // namespace tactiled::ctl

@@ -23,10 +23,7 @@ std::string number(double value, int digits) { return std::isfinite(value) ? fmt
 
 std::string tool_why_text(std::uint32_t why) {
     static constexpr const char* kWords[] = {"gravity", "sensor", "tare", "doubted", "moves", "torque", "apart"};
-    std::string text;
-    for (std::size_t bit = 0; bit < std::size(kWords); ++bit)
-        if ((why >> bit & 1u) != 0) text += fmt::format("{}{}", text.empty() ? "" : " ", kWords[bit]);
-    return text;
+    return words_of(why, kWords);
 }
 
 std::string tool_lines(const tactiled_tool& t) {

@@ -159,16 +159,14 @@ int top(const Args& args) {
 
 }  // namespace
 
-void add_top(Command program, Run& run) {
+Run add_top(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb = add_verb(program, "top", "Sensors, links and grasp, live; q ends it",
-                            "  tactilectl top\n  tactilectl top --json --count 10\n");
     add_node_option(verb, args->node);
     verb.add_option("--note", args->note, "text to keep below the table, in a terminal");
     verb.add_flag("--json", args->json, "one JSON object a line");
     verb.add_option("--count", args->count, "end after so many").integer_in(1L, 1'000'000'000L);
     verb.add_option("--interval", args->interval_s, "seconds between two").number_in(0.01, 3600.0).show_default();
-    verb.callback([args, &run] { run = [args] { return top(*args); }; });
+    return [args] { return top(*args); };
 }
 
 }  // namespace tactiled::ctl

@@ -56,6 +56,13 @@ int flush_output(const std::string& program, int status, int known_error) {
     return status == kGood ? kUnhealthy : status;
 }
 
+std::string words_of(std::uint32_t bits, std::span<const char* const> words) {
+    std::string text;
+    for (std::size_t bit = 0; bit < words.size(); ++bit)
+        if ((bits >> bit & 1u) != 0) text += (text.empty() ? "" : " ") + std::string(words[bit]);
+    return text;
+}
+
 std::string quality_text(std::uint32_t quality, std::uint32_t reasons) {
     static constexpr const char* kQuality[] = {"no-value", "good", "uncertain", "bad"};
     std::string text = quality < std::size(kQuality) ? kQuality[quality] : "unknown";

@@ -1,11 +1,13 @@
-// The verbs of tactilectl, one file each: NAME.cpp defines add_NAME(), and main.cpp calls them all. verb.cpp is the
-// part of this header that the laboratory's program (node/lab) links, too.
+// The common parts of the verbs. verb.cpp is the part of this header that the laboratory's program (node/lab) links,
+// too.
 #pragma once
 #include <array>
 #include <bit>
 #include <csignal>
 #include <cstdint>
 #include <functional>
+#include <span>
+#include <stdexcept>
 #include <string>
 
 #include "tactiled/layout.h"
@@ -18,28 +20,15 @@ inline constexpr int kUnhealthy = 1;     // unhealthy, or the check failed
 inline constexpr int kUsage = 2;         // the arguments or the files are wrong
 inline constexpr int kNotReachable = 3;  // no daemon of that name
 
-// A verb adds its subcommand and, in the subcommand's callback, sets `run` to its action; run_program() calls it
-// after parsing. An exception of `run` (std::exception) is printed as an error, with exit status kUsage for
-// SetupError, else kUnhealthy.
+// The action of a verb, which run_program() calls after parsing. An exception of it (std::exception) is printed as an
+// error, with exit status kUsage for SetupError, that of a VerbError, else kUnhealthy.
 using Run = std::function<int()>;
-class Command;
-using AddVerb = void (*)(Command program, Run& run);
 
-void add_status(Command program, Run& run);
-void add_top(Command program, Run& run);
-void add_read(Command program, Run& run);
-void add_record(Command program, Run& run);
-void add_replay(Command program, Run& run);
-void add_tare(Command program, Run& run);
-void add_clear(Command program, Run& run);
-void add_weigh(Command program, Run& run);
-void add_teach(Command program, Run& run);
-void add_tool_fit(Command program, Run& run);
-void add_grasp_check(Command program, Run& run);
-void add_map(Command program, Run& run);
-void add_completion(Command program, Run& run);
-void add_doctor(Command program, Run& run);
-void add_check(Command program, Run& run);
+// Ends a verb with a message and that exit status.
+struct VerbError : std::runtime_error {
+    VerbError(int exit_status, const std::string& why) : std::runtime_error(why), status(exit_status) {}
+    int status;
+};
 
 // ---- shared by several verbs ----
 
@@ -63,6 +52,9 @@ inline constexpr auto kReasonWords = [] {
 // Returns "good", "uncertain", "bad" or "no-value"; with reasons after a colon: "uncertain:saturated", as in
 // forces.csv.
 std::string quality_text(std::uint32_t quality, std::uint32_t reasons);
+
+// Returns the words of the bits that are set, with blanks between them.
+std::string words_of(std::uint32_t bits, std::span<const char* const> words);
 
 // True if the standard output is a terminal that shows colours, and NO_COLOR is not set.
 bool wants_colour();

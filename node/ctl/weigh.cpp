@@ -14,7 +14,7 @@ namespace tactiled::ctl {
 namespace {
 
 struct Args {
-    std::string node = "gripper";
+    std::string node = "gripper", what;
     double mass_kg = 0, timeout_s = 5;
     bool force = false;  // also where the mass is far from the present weight
 };
@@ -58,40 +58,29 @@ bool is_in_grams(double mass_kg, double load_kg) {
 
 constexpr double kFarApart = 0.2;  // relative difference beyond which another object is likelier than a wrong scale
 
-int weigh(const Args& args, const std::string& what) {
-    std::string why;
-    const Segment segment = Segment::try_open(args.node, why);
-    if (!segment.is_open()) {
-        fmt::print(stderr, "tactilectl: {}\n", why);
-        return kNotReachable;
-    }
+int weigh(const Args& args) {
+    const std::string& what = args.what;
+    const Segment segment = open_node(args.node);
     tactiled_node node{};
     (void)segment.latest_node(node);
     const double before_kg = node.grasp.weight_kg;
     const bool is_stable = what == "known" && node.grasp.weight_state == TACTILED_WEIGHT_STABLE;
-    if (is_stable && is_in_grams(args.mass_kg, before_kg)) {
-        fmt::print(
-            stderr,
-            "tactilectl: weigh known: the mass is in kg: {} kg is {:.0f} times the {:.4f} kg that hang now; for grams "
-            "write {}\n",
-            args.mass_kg, args.mass_kg / node.grasp.weight_kg, node.grasp.weight_kg, args.mass_kg / 1000);
-        return kUsage;
-    }
-    if (is_stable && !args.force && std::abs(args.mass_kg - before_kg) > kFarApart * std::abs(before_kg)) {
-        fmt::print(stderr,
-                   "tactilectl: weigh known: {:g} kg is {:.0f} % of the {:.4f} kg that hang now: is it this object? "
-                   "--force sets the scale all the same\n",
-                   args.mass_kg, 100 * args.mass_kg / before_kg, before_kg);
-        return kUsage;
-    }
+    if (is_stable && is_in_grams(args.mass_kg, before_kg))
+        throw VerbError(
+            kUsage,
+            fmt::format("weigh known: the mass is in kg: {} kg is {:.0f} times the {:.4f} kg that hang now; for grams "
+                        "write {}",
+                        args.mass_kg, args.mass_kg / node.grasp.weight_kg, node.grasp.weight_kg, args.mass_kg / 1000));
+    if (is_stable && !args.force && std::abs(args.mass_kg - before_kg) > kFarApart * std::abs(before_kg))
+        throw VerbError(kUsage,
+                        fmt::format("weigh known: {:g} kg is {:.0f} % of the {:.4f} kg that hang now: is it this object? "
+                                    "--force sets the scale all the same",
+                                    args.mass_kg, 100 * args.mass_kg / before_kg, before_kg));
     const std::string word = what == "known" ? fmt::format("{:.17g}", args.mass_kg) : what;
     const Answer answer = ask(segment, "weigh " + word, args.timeout_s);
-    if (answer.exit_status == kNotReachable)
-        fmt::print(stderr, "tactilectl: {}\n", answer.text);
-    else
-        fmt::print(answer.exit_status == kGood ? stdout : stderr, "weigh {}: {}\n", what,
-                   answer.result == TACTILED_COMMAND_NOT_NOW ? why_not_now(node.grasp, what, args.mass_kg)
-                                                             : result_text(answer.result));
+    fmt::print(answer.exit_status == kGood ? stdout : stderr, "weigh {}: {}\n", what,
+               answer.result == TACTILED_COMMAND_NOT_NOW ? why_not_now(node.grasp, what, args.mass_kg)
+                                                         : result_text(answer.result));
     if (answer.exit_status == kGood && is_stable)
         fmt::print("it read {:.4f} kg, and reads {:g} kg from now on\n", before_kg, args.mass_kg);
     return answer.exit_status;
@@ -99,19 +88,15 @@ int weigh(const Args& args, const std::string& what) {
 
 }  // namespace
 
-void add_weigh(Command program, Run& run) {
+Run add_weigh(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb = add_verb(program, "weigh", "Starts, stops, zeroes or scales the weighing of what the gripper holds",
-                            "  tactilectl weigh known 0.250     250 g hang now\n  tactilectl weigh zero\n");
     verb.require_verb();
     add_node_option(verb, args->node);  // accepted before the second word, too
     const auto add = [&](const char* name, const char* help) {
         Command sub = add_verb(verb, name, help);
         add_node_option(sub, args->node);
-        sub.add_option("--timeout", args->timeout_s, "seconds to wait for the daemon's answer")
-            .number_in(0.1, 60.0)
-            .show_default();
-        sub.callback([args, name, &run] { run = [args, name] { return weigh(*args, name); }; });
+        add_timeout_option(sub, args->timeout_s);
+        sub.callback([args, name] { args->what = name; });
         return sub;
     };
     add("start", "Weighs from now on, in any state of the grasp");
@@ -124,6 +109,7 @@ void add_weigh(Command program, Run& run) {
             "before its lift");
     known.add_option("mass", args->mass_kg, "its mass in kg").required().number_in(1e-6, 1000.0);
     known.add_flag("--force", args->force, "also where MASS differs by more than 20 % from the present weight");
+    return [args] { return weigh(*args); };
 }
 
 }  // namespace tactiled::ctl

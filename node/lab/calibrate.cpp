@@ -19,7 +19,6 @@
 #include "decoupling/method.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/lab/report/report.hpp"
-#include "node/lab/verbs.hpp"
 
 namespace tactiled::ctl {
 namespace {
@@ -119,8 +118,7 @@ void print_report(const FitReport& report, const Settings& settings) {
 }
 
 void print_json(const FitReport& report, const Settings& settings) {
-    // Unknown numbers are null, because JSON has no NaN.
-    const auto number = [](double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); };
+    // A number that is unknown is written as null.
     nlohmann::json json{{"schema", 1},
                         {"calibration", settings.out},
                         {"model", report.calibration.model},
@@ -137,7 +135,7 @@ void print_json(const FitReport& report, const Settings& settings) {
                         {"own_zero_per_session", report.zeros.own},
                         {"zero_drift", report.calibration.zero_drift},
                         {"methods", nlohmann::json::array()},
-                        {"condition", number(report.calibration.condition)},
+                        {"condition", report.calibration.condition},
                         {"parameters", report.calibration.parameters},
                         {"sensor", sensor_text(report, settings)},
                         {"components", nlohmann::json::array()},
@@ -149,26 +147,26 @@ void print_json(const FitReport& report, const Settings& settings) {
         nlohmann::json component{{"name", c.name},
                                  {"unit", unit_of(c)},
                                  {"rows", c.rows},
-                                 {"full_scale", number(c.full_scale)},
-                                 {"fitted_rms", number(c.fitted_rms)},
-                                 {"held_out_rms", number(c.held_out_rms)},
-                                 {"median_sd", number(errors.median_sd())},
-                                 {"within_1_sd", number(errors.within(1))},
-                                 {"within_3_sd", number(errors.within(3))},
-                                 {"beyond_5_sd", number(1 - errors.within(5))}};
+                                 {"full_scale", c.full_scale},
+                                 {"fitted_rms", c.fitted_rms},
+                                 {"held_out_rms", c.held_out_rms},
+                                 {"median_sd", errors.median_sd()},
+                                 {"within_1_sd", errors.within(1)},
+                                 {"within_3_sd", errors.within(3)},
+                                 {"beyond_5_sd", 1 - errors.within(5)}};
         if (report.labelled->sessions.size() > 1 && std::isfinite(worst.rms))
             component["worst_session"] = {{"name", report.labelled->sessions[worst.session]}, {"rms", worst.rms}};
         json["components"].push_back(std::move(component));
     }
     for (const auto& method : report.methods) {
         json["methods"].push_back({{"method", method.method}, {"refused", method.refused}, {"seconds", method.seconds}});
-        for (const double rms : method.held_out_rms) json["methods"].back()["held_out_rms"].push_back(number(rms));
+        for (const double rms : method.held_out_rms) json["methods"].back()["held_out_rms"].push_back(rms);
     }
     for (const Suspect& suspect : report.suspects)
         json["suspects"].push_back({{"line", suspect.row->line},
                                     {"column", label_column(suspect.component)},
-                                    {"label", number(suspect.label)},
-                                    {"expected", number(suspect.expected)},
+                                    {"label", suspect.label},
+                                    {"expected", suspect.expected},
                                     {"left_out", suspect.left_out}});
     for (std::size_t s = 0; s < report.zeros.offset.size(); ++s)
         json["session_zeros"].push_back({{"session", report.labelled->sessions[s]}, {"offset", report.zeros.offset[s]}});
@@ -238,12 +236,9 @@ int calibrate(Settings settings) {
 
 }  // namespace
 
-void add_calibrate(Command program, Run& run) {
+Run add_calibrate(Command verb) {
     auto settings = std::make_shared<Settings>();
     settings->request.channel_unit.clear();
-    Command verb =
-        add_verb(program, "calibrate", laboratory_help("calibrate"),
-                 "  tactilectl calibrate --model generic --in labelled.csv --out my_sensor.toml --report fit.html\n");
     verb.add_option("--model", settings->request.model, fmt::format("{}", fmt::join(model_names(), ", "))).required();
     verb.add_option("--method", settings->request.method,
                     "of the model; its first if not given; auto: all that the rows determine");
@@ -283,7 +278,7 @@ void add_calibrate(Command program, Run& run) {
         .show_default();
     verb.add_option("--channel-unit", settings->request.channel_unit, "unit of the channels: dR/R0, pF, uT, counts ...");
     verb.add_flag("--json", settings->json, "print the report as JSON");
-    verb.callback([settings, &run] { run = [settings] { return calibrate(*settings); }; });
+    return [settings] { return calibrate(*settings); };
 }
 
 }  // namespace tactiled::ctl

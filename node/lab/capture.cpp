@@ -19,7 +19,6 @@
 #include "node/lab/capture_file.hpp"
 #include "node/lab/capture_steadiness.hpp"
 #include "node/lab/listen.hpp"
-#include "node/lab/verbs.hpp"
 
 namespace tactiled::ctl {
 namespace {
@@ -146,6 +145,8 @@ std::optional<Load> ask_load(const CaptureFile& file, int& refused) {
 }
 
 int capture(Args args) {
+    if (int(!args.labels.empty()) + int(!args.reference.empty()) + int(!args.scale.empty()) > 1)
+        refuse("--label, --reference and --scale exclude each other");
     catch_interrupt();
     const bool measured = !args.reference.empty() || !args.scale.empty();
     std::optional<Load> typed;
@@ -240,11 +241,8 @@ int capture(Args args) {
 
 }  // namespace
 
-void add_capture(Command program, Run& run) {
+Run add_capture(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb = add_verb(program, "capture", laboratory_help("capture"),
-                            "  tactilectl capture /dev/ttyACM0 --label fz_N=-4.905 --append labelled.csv\n"
-                            "  tactilectl capture usb0 --config my.toml --reference ft300 --append labelled.csv\n");
     verb.add_option("port", args->what, "a link of --config, a serial port, or ADDRESS:PORT").required();
     verb.add_option("--append", args->append, "labelled.csv, which is created or continued").required();
     verb.add_option("--config", args->config, "the configuration that has the link").show_default();
@@ -262,11 +260,7 @@ void add_capture(Command program, Run& run) {
     verb.add_option("--settle", args->settle_s, "seconds to wait before them").number_in(0.0, 3600.0).show_default();
     verb.add_flag("--force", args->force, "append the rows of a load that changed while it was read, too");
     verb.add_flag("--json", args->json, "one JSON object");
-    verb.callback([args, &run] {
-        if (int(!args->labels.empty()) + int(!args->reference.empty()) + int(!args->scale.empty()) > 1)
-            refuse("--label, --reference and --scale exclude each other");
-        run = [args] { return capture(*args); };
-    });
+    return [args] { return capture(*args); };
 }
 
 }  // namespace tactiled::ctl

@@ -14,7 +14,6 @@
 #include "decoupling/csv.hpp"
 #include "decoupling/decoupler.hpp"
 #include "node/ctl/command_line.hpp"
-#include "node/lab/verbs.hpp"
 
 namespace tactiled::ctl {
 namespace {
@@ -139,9 +138,8 @@ int decouple(const Settings& settings) {
 
 }  // namespace
 
-void add_decouple(Command program, Run& run) {
+Run add_decouple(Command verb) {
     auto settings = std::make_shared<Settings>();
-    Command verb = add_verb(program, "decouple", laboratory_help("decouple"));
     verb.add_option("--calibration", settings->calibration, "the calibration file").required();
     verb.add_option("--method", settings->method, "of the model; the calibration's own if not given; auto");
     verb.add_option("--budget-us", settings->budget_us, "time that a sample may take with --method auto").show_default();
@@ -159,7 +157,7 @@ void add_decouple(Command program, Run& run) {
                     "a channel at or below is saturated (unit of the calibration)");
     verb.add_option("--saturates-above", settings->saturates_above,
                     "a channel at or above is saturated (unit of the calibration)");
-    verb.callback([settings, &run] { run = [settings] { return decouple(*settings); }; });
+    return [settings] { return decouple(*settings); };
 }
 
 }  // namespace tactiled::ctl

@@ -8,7 +8,6 @@
 
 #include "node/ctl/command_line.hpp"
 #include "node/lab/listen.hpp"
-#include "node/lab/verbs.hpp"
 
 namespace tactiled::ctl {
 namespace {
@@ -111,17 +110,15 @@ int identify(const Args& args) {
 
 }  // namespace
 
-void add_identify(Command program, Run& run) {
+Run add_identify(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb = add_verb(program, "identify", laboratory_help("identify"),
-                            "  tactilectl identify /dev/ttyACM0 >> my.toml\n  tactilectl identify 192.168.1.1:63350\n");
     verb.add_option("port", args->what, "a serial port, ADDRESS:PORT, or a link of --config").required();
     verb.add_option("--config", args->config, "the configuration that has the link").show_default();
     verb.add_option("--name", args->name, "name of the printed [[link]]");
     verb.add_option("--baud", args->baud, "try this rate alone").integer_in(50, 12'000'000);
     verb.add_option("--seconds", args->seconds, "time to listen at each rate").number_in(0.2, 600.0).show_default();
     verb.add_flag("--json", args->json, "one JSON object");
-    verb.callback([args, &run] { run = [args] { return identify(*args); }; });
+    return [args] { return identify(*args); };
 }
 
 }  // namespace tactiled::ctl

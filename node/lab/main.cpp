@@ -1,13 +1,20 @@
 // tactilectl-lab: the verbs for calibrating, simulating and comparing methods. Each verb is one file. Users type
 // tactilectl, which starts this program.
-#include "node/ctl/verb_first.hpp"
-#include "node/lab/verbs.hpp"
+#include "node/ctl/verbs.hpp"
+
+namespace tactiled::ctl {
+
+Run add_calibrate(Command verb), add_capture(Command verb), add_decouple(Command verb), add_identify(Command verb),
+    add_play(Command verb), add_simulate(Command verb), add_tradeoff(Command verb);
+
+}  // namespace tactiled::ctl
 
 int main(int, char** argv) {
     using namespace tactiled::ctl;
-    static constexpr AddVerb kVerbs[] = {add_calibrate, add_capture,  add_decouple, add_identify,
-                                         add_play,      add_simulate, add_tradeoff};
-    static_assert(std::size(kVerbs) == std::size(kLaboratoryVerbs));
-    std::vector<char*> words = verb_first(argv);
-    return run_verb(int(words.size()) - 1, words.data(), kVerbs);
+    static constexpr AddVerb kFunctions[] = {add_calibrate, add_capture,  add_decouple, add_identify,
+                                             add_play,      add_simulate, add_tradeoff};
+    static_assert(std::size(kFunctions) == std::size(kLaboratoryVerbs));
+    std::vector<Verb> list(std::begin(kLaboratoryVerbs), std::end(kLaboratoryVerbs));
+    for (std::size_t i = 0; i < list.size(); ++i) list[i].add = kFunctions[i];
+    return run_verb(argv, list);
 }

@@ -10,7 +10,6 @@
 #include "decoupling/csv.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/lab/port.hpp"
-#include "node/lab/verbs.hpp"
 #include "tactiled/reader.hpp"
 
 namespace tactiled::ctl {
@@ -92,10 +91,8 @@ int play(const Args& args) {
 
 }  // namespace
 
-void add_play(Command program, Run& run) {
+Run add_play(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb = add_verb(program, "play", laboratory_help("play"),
-                            "  tactilectl play --in signals.csv --pty /tmp/skin --format lines --sequence --loop\n");
     verb.add_option("--in", args->in, "signals.csv: t_s and channels; label columns are left out").required();
     verb.add_option("--pty", args->pty, "the name under which the daemon opens it (a symbolic link)").required();
     args->wire.add_options(verb);
@@ -103,7 +100,7 @@ void add_play(Command program, Run& run) {
     verb.add_option("--rate", args->rate_Hz, "rows a second, instead of t_s").positive();
     verb.add_option("--columns", args->columns, "which columns, in which order").delimiter(',');
     verb.add_flag("--loop", args->loop, "from the start again, until interrupted");
-    verb.callback([args, &run] { run = [args] { return play(*args); }; });
+    return [args] { return play(*args); };
 }
 
 }  // namespace tactiled::ctl

@@ -12,7 +12,6 @@
 
 #include "config/text_file.hpp"
 #include "node/ctl/command_line.hpp"
-#include "node/lab/verbs.hpp"
 
 namespace tactiled::ctl {
 namespace {
@@ -82,7 +81,7 @@ int simulate(const Args& args) {
     const sim::Simulation chosen(scene, args.effects);
     const bool files = !args.out.empty() || !args.truth.empty();
     if (files) write_csv(scene, args.effects, args.out, args.truth);
-    if (!args.figure.empty()) replace_file(args.figure, timeline_svg(scene, args.effects, sensors.front()));
+    if (!args.figure.empty()) replace_file(args.figure, figure_svg(timeline_figure(scene, args.effects, sensors.front())));
     if (!args.report.empty() || args.json) {
         Report report{chosen, args.effects, sensors, {}};
         for (const std::size_t i : sensors) report.measured.push_back(measure(scene, args.effects, i));
@@ -97,9 +96,8 @@ int simulate(const Args& args) {
 
 }  // namespace
 
-void add_simulate(Command program, Run& run) {
+Run add_simulate(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb = add_verb(program, "simulate", laboratory_help("simulate"));
     verb.add_option("--scene", args->scene, "the scene, config/scenes/*.toml");
     verb.add_option("--effects", args->effects,
                     "auto: those that the scene needs; all; none; or names with commas, NAME or NAME:LEVEL, see --list")
@@ -119,7 +117,7 @@ void add_simulate(Command program, Run& run) {
     verb.add_option("--speed", args->speed, "with --pty: times faster than the scene").positive().show_default();
     verb.add_flag("--json", args->json, "print the content of --report as JSON; with --list the effects");
     verb.add_flag("--list", args->list, "print all effects: equation, source, parameters");
-    verb.callback([args, &run] { run = [args] { return simulate(*args); }; });
+    return [args] { return simulate(*args); };
 }
 
 }  // namespace tactiled::ctl

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "drivers/sim/simulation.hpp"
+#include "node/lab/chart/figure.hpp"
 #include "node/lab/port.hpp"
 #include "node/lab/progress.hpp"
 
@@ -76,8 +77,8 @@ struct Timeline {
 };
 Timeline timeline(const sim::Scene& scene, const std::string& effects, std::size_t sensor);
 
-// simulate_figure.cpp: returns an SVG for standalone use and for a page.
-std::string timeline_svg(const sim::Scene& scene, const std::string& effects, std::size_t sensor);
+// simulate_figure.cpp
+Figure timeline_figure(const sim::Scene& scene, const std::string& effects, std::size_t sensor);
 
 // ---- simulate_report.cpp, simulate_text.cpp ----
 

@@ -1,124 +1,104 @@
-// The timeline as an SVG. Colours are in the elements, so that it can be shown alone and printed; in a page the
-// classes of its style sheet override them.
+// The timeline as a figure: a row for the motions, one for each curve of the body, and one for each effect.
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
+#include <limits>
 
-#include "node/lab/chart/axis.hpp"
-#include "node/lab/chart/svg.hpp"
+#include "node/lab/chart/figure.hpp"
 #include "node/lab/chart/text.hpp"
 #include "node/lab/simulate.hpp"
 
 namespace tactiled::ctl {
 namespace {
 
-// In units of the viewBox.
-constexpr double kWidth = 900, kLeft = 215, kRight = 95, kTitle = 22, kMotion = 54, kLane = 30, kRow = 14, kAxis = 40;
-constexpr double kLetter = 5.6;  // approximate width of a small letter
+constexpr double kRow = 14;  // height of an effect's row, in units of the viewBox
+constexpr double kLane = 2;  // height of a curve, in rows
+constexpr double kPlot = 590, kFont = 12;
+constexpr double kGap = std::numeric_limits<double>::quiet_NaN();  // ends a line
 
-class Drawing {
-public:
-    explicit Drawing(const Timeline& t)
-        : t_(t),
-          rows_(kTitle + kMotion + kLane * double(t.lanes.size()) + 6),
-          foot_(rows_ + kRow * double(t.rows.size()) + 4),
-          time_({0, t.length_s}, kLeft, kWidth - kRight),
-          svg_({.width = kWidth,
-                .height = foot_ + kAxis,
-                .about = "what the effects did over the time of the scene",
-                .css_class = "wide",
-                .font_size = 11}) {
-        const auto on = std::count_if(t.rows.begin(), t.rows.end(), [](const auto& row) { return row.decision->on; });
-        bars_foot_ = rows_ + kRow * double(on);
+// Rows are numbered downwards from 0, so that the y axis has -row.
+struct Rows {
+    Figure figure;
+    double next = 0;
+
+    // Names the next row, of that height, and returns the y of its middle.
+    double add(const std::string& name, double height) {
+        const double middle = -next - height / 2;
+        figure.y.ticks.push_back({middle, name});
+        next += height;
+        return middle;
     }
-
-    std::string text(const std::string& title) {
-        svg_.put("<text x=\"{}\" y=\"14\">{}</text>\n", kLeft, html_text(title));
-        axis();
-        motions();
-        for (std::size_t i = 0; i < t_.lanes.size(); ++i) lane(t_.lanes[i], kTitle + kMotion + kLane * double(i));
-        for (std::size_t i = 0; i < t_.rows.size(); ++i) row(t_.rows[i], rows_ + kRow * double(i));
-        return svg_.text();
-    }
-
-private:
-    [[nodiscard]] double x(double t_s) const { return time_.at(t_s); }
-
-    void axis() {
-        AxisMarks marks;
-        marks.add_x({kLeft, kWidth - kRight, kTitle + kMotion, foot_}, time_, axis_ticks({0, t_.length_s}), 14);
-        svg_.put(marks.numbers + svg_line(marks.grid, {.css_class = "grid", .colour = "#d0d7de"}));
-        svg_.put("<text x=\"{:.1f}\" y=\"{:.0f}\" text-anchor=\"middle\">time, s</text>\n", x(t_.length_s / 2), foot_ + 30);
-        svg_.put("<text x=\"{:.0f}\" y=\"{:.0f}\">largest</text><text x=\"{:.0f}\" y=\"{:.0f}\">change, N</text>\n",
-                 kWidth - kRight + 8, rows_ - 20, kWidth - kRight + 8, rows_ - 7);
-    }
-
-    // Draws the begin of each motion as a line through all bars, with its name if there is room, upright if that is
-    // enough.
-    void motions() {
-        std::string borders;
-        const double y = kTitle + kMotion;
-        for (const auto& m : t_.motions) {
-            const double left = x(m.begin_s), width = x(m.end_s) - left, middle = left + width / 2;
-            if (width > 3) borders += fmt::format("M{:.1f} {:.0f}V{:.0f}", left, kTitle + 4, bars_foot_);
-            if (width > kLetter * double(m.kind.size()) + 2)
-                svg_.put("<text x=\"{:.1f}\" y=\"{:.0f}\" text-anchor=\"middle\">{}</text>\n", middle, y - 6,
-                         html_text(m.kind));
-            else if (width > 11)
-                svg_.put("<text transform=\"translate({:.1f} {:.0f}) rotate(-90)\">{}</text>\n", middle + 4, y - 4,
-                         html_text(m.kind));
-        }
-        svg_.put(svg_line(borders, {.css_class = "frame", .colour = "#8c959f", .dashes = "2 2"}));
-    }
-
-    void lane(const Timeline::Lane& lane, double top) {
-        const auto [min, max] = std::minmax_element(lane.value.begin(), lane.value.end());
-        const double foot = top + kLane - 4;
-        const Scale scale({std::min(0.0, *min), std::max(0.0, *max)}, foot, top + 4);
-        // Equal values are reduced to the first and the last point.
-        std::vector<std::string> y;
-        for (const double value : lane.value) y.push_back(fmt::format("{:.1f}", scale.at(value)));
-        SvgPath path;
-        for (std::size_t i = 0; i < y.size(); ++i)
-            if (i == 0 || i + 1 == y.size() || y[i] != y[i - 1] || y[i] != y[i + 1])
-                path.to(x(t_.length_s * double(i) / double(y.size() - 1)), scale.at(lane.value[i]));
-        svg_.put(svg_line(path.d(), {.css_class = "curve", .colour = "#b3261e", .width = 1.3}));
-        svg_.put("<text x=\"{}\" y=\"{:.0f}\" text-anchor=\"end\">{}, {:.3g} .. {:.3g} {}</text>\n", kLeft - 8,
-                 top + kLane / 2 + 3, html_text(lane.name), *min, *max, lane.unit);
-    }
-
-    void row(const Timeline::Row& row, double top) {
-        const bool ever = row.decision->on;
-        const char* faint = ever ? "" : " opacity=\"0.6\"";
-        svg_.put("<text x=\"{}\" y=\"{:.0f}\" text-anchor=\"end\"{}>{}</text>\n", kLeft - 8, top + 11, faint,
-                 html_text(name_of(*row.decision)));
-        if (!ever)
-            svg_.put("<text x=\"{}\" y=\"{:.0f}\" opacity=\"0.6\">{}</text>\n", kLeft + 6, top + 11,
-                     html_text(row.decision->why));
-        for (const auto& [begin_s, end_s] : row.active_s)
-            svg_.put(svg_line(fmt::format("M{:.1f} {:.1f}H{:.1f}", x(begin_s), top + kRow / 2, x(end_s)),
-                              {.css_class = "frame", .colour = "#8c959f"}));
-        for (const auto& [begin_s, end_s] : row.changed_s)
-            svg_.put("<path class=\"bar\" fill=\"#1f5fa8\" d=\"M{:.1f} {:.1f}H{:.1f}v{}H{:.1f}Z\"/>\n", x(begin_s), top + 2,
-                     std::max(x(end_s), x(begin_s) + 0.5), kRow - 4, x(begin_s));
-        if (ever && row.decision->effect->stage != sim::Stage::time)
-            svg_.put("<text x=\"{}\" y=\"{:.0f}\">{:.2g}</text>\n", kWidth - kRight + 8, top + 11, row.largest_N);
-    }
-
-    const Timeline& t_;
-    double rows_, foot_, bars_foot_;
-    Scale time_;
-    Svg svg_;
 };
+
+Figure::Series curve(const Timeline& t, const Timeline::Lane& lane, double middle) {
+    const auto [min, max] = std::minmax_element(lane.value.begin(), lane.value.end());
+    const double low = std::min(0.0, *min), high = std::max(0.0, *max);
+    Figure::Series series{"", Symbol::none, Stroke::solid, {}, kOrange};
+    for (std::size_t i = 0; i < lane.value.size(); ++i)
+        series.points.push_back({t.length_s * double(i) / double(lane.value.size() - 1),
+                                 middle + 0.8 * kLane * ((lane.value[i] - low) / (high - low) - 0.5)});
+    return series;
+}
+
+// Notes the name of each motion above its part of the time if there is room, upright if that is enough.
+void note_motions(const Timeline& t, Figure& figure, Figure::Series& borders, double foot) {
+    for (const auto& m : t.motions) {
+        const double width = (m.end_s - m.begin_s) / t.length_s * kPlot, middle_s = (m.begin_s + m.end_s) / 2;
+        if (width > 3) borders.points.insert(borders.points.end(), {{m.begin_s, 0}, {m.begin_s, foot}, {kGap, kGap}});
+        if (width > text_width(m.kind, kFont) + 2)
+            figure.notes.push_back({.x = middle_s, .y = 0, .text = m.kind, .up = 6, .centred = true});
+        else if (width > 11)
+            figure.notes.push_back({.x = middle_s, .y = 0, .text = m.kind, .right = 4, .up = 4, .upright = true});
+    }
+}
 
 }  // namespace
 
-std::string timeline_svg(const sim::Scene& scene, const std::string& effects, std::size_t number) {
+Figure timeline_figure(const sim::Scene& scene, const std::string& effects, std::size_t number) {
     const Timeline t = timeline(scene, effects, number);
     const sim::Sensor& sensor = scene.sensors[number];
-    return Drawing(t).text(fmt::format("{}: sensor {} ({}), {:.3g} N wanted", scene.title, sensor.name,
-                                       name_of(sensor.model), scene.wanted_N(sensor)));
+    Figure::Series borders{"", Symbol::none, Stroke::dotted, {}, kGrey, false, Shape::line, 1};
+    Figure::Series active{"active", Symbol::none, Stroke::solid, {}, kGrey, false, Shape::line, 1};
+    Figure::Series changed{.name = "changed a channel", .colour = kBlue, .shape = Shape::bars};
+    Rows rows;
+    Figure& figure = rows.figure;
+    for (const auto& lane : t.lanes) {
+        const auto [min, max] = std::minmax_element(lane.value.begin(), lane.value.end());
+        const double middle = rows.add(fmt::format("{}, {:.3g} .. {:.3g} {}", lane.name, *min, *max, lane.unit), kLane);
+        figure.series.push_back(curve(t, lane, middle));
+    }
+    rows.next += 0.5;
+    const double first = rows.next;
+    double last = first;  // foot of the rows of effects that are on
+    for (const auto& row : t.rows) {
+        const double y = rows.add(name_of(*row.decision), 1);
+        for (const auto& [begin_s, end_s] : row.active_s)
+            active.points.insert(active.points.end(), {{begin_s, y}, {end_s, y}, {kGap, kGap}});
+        for (const auto& [begin_s, end_s] : row.changed_s)
+            changed.points.insert(changed.points.end(),
+                                  {{begin_s, y - 0.35}, {std::max(end_s, begin_s + t.length_s / 1200), y + 0.35}});
+        if (row.decision->on) last = rows.next;
+        if (!row.decision->on)
+            figure.notes.push_back(
+                {.x = 0, .y = y, .text = std::string(row.decision->why), .right = 6, .up = -4, .colour = kGrey});
+        else if (row.decision->effect->stage != sim::Stage::time)
+            figure.notes.push_back(
+                {.x = t.length_s, .y = y, .text = fmt::format("{:.2g}", row.largest_N), .right = 8, .up = -4});
+    }
+    for (const auto& [text, up] : {std::pair{"largest", 16}, std::pair{"change, N", 3}})
+        figure.notes.push_back({.x = t.length_s, .y = -first, .text = text, .right = 8, .up = double(up)});
+    note_motions(t, figure, borders, -last);
+    for (auto& series : {borders, active, changed}) figure.series.push_back(series);
+    figure.title = fmt::format("{}: sensor {} ({}), {:.3g} N wanted", scene.title, sensor.name, name_of(sensor.model),
+                               scene.wanted_N(sensor));
+    figure.x = {.label = "time, s", .range = Span{0, t.length_s}};
+    figure.y.range = Span{-rows.next, 0};
+    figure.y.grid = false;
+    figure.width = kPlot;
+    figure.height = kRow * rows.next;
+    figure.margin_right = 75;
+    figure.margin_top = 50;
+    return figure;
 }
 
 }  // namespace tactiled::ctl

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "node/lab/simulate.hpp"
+#include "node/lab/tradeoff.hpp"
 #include "tactiled/reader.hpp"
 
 namespace tactiled::ctl {
@@ -25,17 +26,6 @@ double median(std::vector<double>& values) {
     const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
     std::nth_element(values.begin(), middle, values.end());
     return *middle;
-}
-
-// Time of one reading of the clock.
-double clock_ns() {
-    std::vector<double> pieces;
-    for (int i = 0; i < 101; ++i) {
-        const std::uint64_t began_ns = monotonic_ns();
-        for (int k = 0; k < 30; ++k) monotonic_ns();
-        pieces.push_back(double(monotonic_ns() - began_ns) / 31);
-    }
-    return median(pieces);
 }
 
 // A scene that restarts at its end, so that short ones can be timed, too.

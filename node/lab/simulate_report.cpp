@@ -11,16 +11,14 @@
 namespace tactiled::ctl {
 namespace {
 
-std::string in(const char* unit, double value, int digits = 4) { return html_number(value, digits) + " " + unit; }
-
 std::string scene_facts(const Report& report) {
     const sim::Scene& scene = report.simulation.scene();
-    std::string facts = html_fact("scene", html_text(std::filesystem::path(scene.file).filename().string()));
-    facts += html_fact("effects", html_text(report.effects));
-    facts += html_fact("length", fmt::format("{} samples at {}, {}", html_number(double(scene.samples), 12),
-                                             in("Hz", scene.rate_Hz), in("s", double(scene.samples) / scene.rate_Hz)));
-    facts += html_fact("seed", html_number(double(scene.seed), 17));
-    return html_facts(facts);
+    return html_facts(
+        {{"scene", html_text(std::filesystem::path(scene.file).filename().string())},
+         {"effects", html_text(report.effects)},
+         {"length", fmt::format("{} samples at {}, {}", html_number(double(scene.samples), 12),
+                                html_number(scene.rate_Hz, "Hz"), html_number(double(scene.samples) / scene.rate_Hz, "s"))},
+         {"seed", html_number(double(scene.seed), 17)}});
 }
 
 std::string sensor_facts(const sim::Sensor& sensor, const sim::Choice& choice, const Measured& m) {
@@ -31,17 +29,17 @@ std::string sensor_facts(const sim::Sensor& sensor, const sim::Choice& choice, c
         ++on;
         if (d < m.time_ns.size()) sum_ns += m.time_ns[d];
     }
-    std::string facts = html_fact("model", name_of(sensor.model));
-    facts += html_fact("effects on",
-                       fmt::format("{} of {}", html_number(double(on)), html_number(double(choice.decisions.size()))));
-    facts += html_fact("wanted accuracy", in("N", choice.wanted_N));
-    facts += html_fact("guaranteed: no channel differs from all effects by more than", in("N", choice.guaranteed_N));
-    facts += html_fact("measured: largest difference from all effects, whole scene, all channels",
-                       fmt::format("{} over {} samples", in("N", m.difference_N), html_number(double(m.samples), 12)));
-    facts += html_fact("a sample costs", fmt::format("{} without effects, {} with these, {} with all", in("ns", m.none_ns),
-                                                     in("ns", m.chosen_ns), in("ns", m.all_ns)));
-    facts += html_fact("linear model and those effects, each timed alone", in("ns", sum_ns));
-    return html_facts(facts, "facts-" + sensor.name);
+    return html_facts(
+        {{"model", name_of(sensor.model)},
+         {"effects on", fmt::format("{} of {}", html_number(double(on)), html_number(double(choice.decisions.size())))},
+         {"wanted accuracy", html_number(choice.wanted_N, "N")},
+         {"guaranteed: no channel differs from all effects by more than", html_number(choice.guaranteed_N, "N")},
+         {"measured: largest difference from all effects, whole scene, all channels",
+          fmt::format("{} over {} samples", html_number(m.difference_N, "N"), html_number(double(m.samples), 12))},
+         {"a sample costs", fmt::format("{} without effects, {} with these, {} with all", html_number(m.none_ns, "ns"),
+                                        html_number(m.chosen_ns, "ns"), html_number(m.all_ns, "ns"))},
+         {"linear model and those effects, each timed alone", html_number(sum_ns, "ns")}},
+        "facts-" + sensor.name);
 }
 
 std::string stated(const sim::Sensor& sensor, const sim::Extent& e) {
@@ -49,18 +47,19 @@ std::string stated(const sim::Sensor& sensor, const sim::Extent& e) {
     const char* axis[] = {"fx", "fy", "fz", "mx", "my"};
     for (std::size_t a = 0; a < sim::kAxes; ++a) {
         const char* unit = a < sim::kMx ? "N" : "Nm";
-        rows += html_row({axis[a], in(unit, e.max[a]), in(unit, e.span[a]), in(a < sim::kMx ? "N/s" : "Nm/s", e.rate[a]),
-                          in(unit, e.jump[a])});
+        rows += html_row({axis[a], html_number(e.max[a], unit), html_number(e.span[a], unit),
+                          html_number(e.rate[a], a < sim::kMx ? "N/s" : "Nm/s"), html_number(e.jump[a], unit)});
     }
-    std::string facts = html_fact("length", in("s", e.length_s));
-    facts += html_fact("comes back", e.reverses ? "yes" : "no");
-    facts += html_fact("highest frequency", in("Hz", e.frequency_Hz));
-    facts += html_fact("sliding", fmt::format("{}, path {}", in("m/s", e.speed_m_s), in("m", e.slide_m)));
-    facts += html_fact("shear beyond friction, beyond kinetic friction",
-                       fmt::format("{}, {}", in("N", e.shear_excess_N), in("N", e.kinetic_excess_N)));
-    facts += html_fact("centre of contact", fmt::format("|x| {}, |y| {}", in("m", e.x_m), in("m", e.y_m)));
-    facts += html_fact("surroundings, body against them", fmt::format("{}, {}", in("K", e.ambient_K), in("K", e.body_K)));
-    facts += html_fact("acceleration", in("m/s²", e.acceleration_m_s2));
+    Facts facts{{"length", html_number(e.length_s, "s")},
+                {"comes back", e.reverses ? "yes" : "no"},
+                {"highest frequency", html_number(e.frequency_Hz, "Hz")},
+                {"sliding", fmt::format("{}, path {}", html_number(e.speed_m_s, "m/s"), html_number(e.slide_m, "m"))},
+                {"shear beyond friction, beyond kinetic friction",
+                 fmt::format("{}, {}", html_number(e.shear_excess_N, "N"), html_number(e.kinetic_excess_N, "N"))},
+                {"centre of contact", fmt::format("|x| {}, |y| {}", html_number(e.x_m, "m"), html_number(e.y_m, "m"))},
+                {"surroundings, body against them",
+                 fmt::format("{}, {}", html_number(e.ambient_K, "K"), html_number(e.body_K, "K"))},
+                {"acceleration", html_number(e.acceleration_m_s2, "m/s²")}};
     return "<h3>Content of the scene</h3>\n<p>Largest values at this sensor, by the scene's text alone: nothing was run "
            "for "
            "them. The bounds are made of these.</p>\n" +
@@ -88,8 +87,9 @@ std::string effects_table(const sim::Sensor& sensor, const sim::Choice& choice, 
     return "<h3>Effects</h3>\n" + html_table(rows, "effects-" + sensor.name);
 }
 
-std::string timeline_figure(const sim::Scene& scene, const std::string& effects, std::size_t number) {
-    return "<h3>What they did when</h3>\n<figure>\n" + timeline_svg(scene, effects, number) +
+std::string what_when(const sim::Scene& scene, const std::string& effects, std::size_t number) {
+    return "<h3>What they did when</h3>\n<figure class=\"wide\">\n" +
+           figure_svg(timeline_figure(scene, effects, number), Place::page) +
            "<figcaption>What the body does, and below it a line where each effect ran, with a bar where it "
            "changed a channel by more than a hundredth of the wanted accuracy; its largest change in N. Effects that were "
            "left out stand below with the reason.</figcaption>\n</figure>\n";
@@ -123,8 +123,7 @@ std::string scene_html(const Report& report) {
         const sim::Sensor& sensor = scene.sensors[report.sensors[k]];
         const sim::Choice& choice = report.simulation.choice(report.sensors[k]);
         page += "<h2>Sensor " + html_text(sensor.name) + "</h2>\n" + sensor_facts(sensor, choice, report.measured[k]);
-        page +=
-            timeline_figure(scene, report.effects, report.sensors[k]) + effects_table(sensor, choice, report.measured[k]);
+        page += what_when(scene, report.effects, report.sensors[k]) + effects_table(sensor, choice, report.measured[k]);
         page += stated(sensor, scene.motion.extent(sensor));
     }
     return html_page("Scene " + scene.title, page + kHowToRead);

@@ -9,8 +9,6 @@
 namespace tactiled::ctl {
 namespace {
 
-nlohmann::json number(double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); }
-
 std::vector<std::string> models_of(const sim::EffectEntry& effect) {
     std::vector<std::string> names;
     for (const sim::Model model : {sim::Model::table, sim::Model::hair, sim::Model::capacitive})
@@ -39,13 +37,13 @@ nlohmann::json levels_json(const sim::Decision& decision) {
     auto json = nlohmann::json::array();
     for (std::size_t i = 0; i < decision.levels.size(); ++i)
         json.push_back({{"name", decision.levels[i].name},
-                        {"error_N", number(decision.levels[i].error_N)},
-                        {"cost_ns", number(decision.level_cost_ns[i])}});
+                        {"error_N", decision.levels[i].error_N},
+                        {"cost_ns", decision.level_cost_ns[i]}});
     return json;
 }
 
 nlohmann::json forces_json(const std::array<double, 3>& force) {
-    return {{"fx_N", number(force[0])}, {"fy_N", number(force[1])}, {"fz_N", number(force[2])}};
+    return {{"fx_N", force[0]}, {"fy_N", force[1]}, {"fz_N", force[2]}};
 }
 
 // The reason, and when an effect is active that rests in a part of the scene.
@@ -116,14 +114,14 @@ nlohmann::json effects_json() {
     for (const sim::EffectEntry* e : sim::chain()) {
         nlohmann::json effect{
             {"name", e->name},         {"title", e->title},           {"stage", name_of(e->stage)},
-            {"models", models_of(*e)}, {"cost_class", e->cost_class}, {"instructions", number(e->instructions)},
+            {"models", models_of(*e)}, {"cost_class", e->cost_class}, {"instructions", e->instructions},
             {"equation", e->equation}, {"source", e->source},         {"parameters", nlohmann::json::array()}};
         for (const auto& p : e->parameters)
             effect["parameters"].push_back({{"name", p.name},
                                             {"meaning", p.meaning},
-                                            {"default", number(p.usual)},  // null: depends on the sensor's model
-                                            {"least", number(p.min)},
-                                            {"most", number(p.max)}});
+                                            {"default", p.usual},  // null: depends on the sensor's model
+                                            {"least", p.min},
+                                            {"most", p.max}});
         json["effects"].push_back(effect);
     }
     return json;
@@ -145,14 +143,14 @@ nlohmann::json scene_json(const Report& report) {
         const Measured& m = report.measured[k];
         nlohmann::json one{{"name", sensor.name},
                            {"model", name_of(sensor.model)},
-                           {"wanted_N", number(choice.wanted_N)},
-                           {"guaranteed_N", number(choice.guaranteed_N)},
-                           {"difference_N", number(m.difference_N)},
+                           {"wanted_N", choice.wanted_N},
+                           {"guaranteed_N", choice.guaranteed_N},
+                           {"difference_N", m.difference_N},
                            {"samples_compared", m.samples},
-                           {"none_ns", number(m.none_ns)},
-                           {"chosen_ns", number(m.chosen_ns)},
-                           {"all_ns", number(m.all_ns)},
-                           {"linear_ns", number(m.linear_ns)},
+                           {"none_ns", m.none_ns},
+                           {"chosen_ns", m.chosen_ns},
+                           {"all_ns", m.all_ns},
+                           {"linear_ns", m.linear_ns},
                            {"extent", extent_json(scene.motion.extent(sensor))},
                            {"effects", nlohmann::json::array()}};
         for (std::size_t d = 0; d < choice.decisions.size(); ++d) {
@@ -162,23 +160,23 @@ nlohmann::json scene_json(const Report& report) {
                 {{"name", decision.effect->name},
                  {"stage", name_of(decision.effect->stage)},
                  {"cost_class", decision.effect->cost_class},
-                 {"instructions", number(decision.effect->instructions)},
-                 {"bound_N", number(decision.bound.change_N)},
-                 {"gain", number(decision.bound.gain)},
-                 {"jump_N", number(decision.bound.jump_N)},
+                 {"instructions", decision.effect->instructions},
+                 {"bound_N", decision.bound.change_N},
+                 {"gain", decision.bound.gain},
+                 {"jump_N", decision.bound.jump_N},
                  {"on", decision.on},
                  {"level", decision.on && decision.level != sim::Decision::kItself
                                ? nlohmann::json(decision.levels[decision.level].name)
                                : nlohmann::json(nullptr)},
                  {"levels", levels_json(decision)},
-                 {"error_N", number(decision.error_N())},
-                 {"cost_ns", number(decision.cost_ns)},
-                 {"spent_ns", number(decision.spent_ns())},
+                 {"error_N", decision.error_N()},
+                 {"cost_ns", decision.cost_ns},
+                 {"spent_ns", decision.spent_ns()},
                  {"without_N", forces_json(m.force_N[d])},
                  {"why", decision.why},
                  {"active_s", decision.on ? nlohmann::json(active_s(scene, choice, decision)) : nlohmann::json::array()},
-                 {"share_N", time ? nlohmann::json(nullptr) : number(m.share_N[d])},
-                 {"time_ns", d < m.time_ns.size() ? number(m.time_ns[d]) : nullptr}});
+                 {"share_N", time ? std::nan("") : m.share_N[d]},
+                 {"time_ns", d < m.time_ns.size() ? m.time_ns[d] : std::nan("")}});
         }
         json["sensors"].push_back(one);
     }

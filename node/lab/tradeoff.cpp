@@ -11,7 +11,6 @@
 #include "node/lab/output.hpp"
 #include "node/lab/progress.hpp"
 #include "node/lab/tradeoff_front.hpp"
-#include "node/lab/verbs.hpp"
 
 namespace tactiled::ctl {
 namespace {
@@ -110,9 +109,8 @@ int tradeoff(const Args& args) {
 
 }  // namespace
 
-void add_tradeoff(Command program, Run& run) {
+Run add_tradeoff(Command verb) {
     auto args = std::make_shared<Args>();
-    Command verb = add_verb(program, "tradeoff", laboratory_help("tradeoff"));
     verb.add_option("--calibration", args->calibration,
                     "instead: all methods of this calibration file, over --scene or --in");
     verb.add_option("--scene", args->scene,
@@ -124,7 +122,7 @@ void add_tradeoff(Command program, Run& run) {
     verb.add_option("--samples", args->samples, "to time, of each thing that is compared")
         .integer_in(std::size_t(1), std::size_t(100'000'000));
     verb.add_flag("--json", args->json, "print the table as JSON");
-    verb.callback([args, &run] { run = [args] { return tradeoff(*args); }; });
+    return [args] { return tradeoff(*args); };
 }
 
 }  // namespace tactiled::ctl

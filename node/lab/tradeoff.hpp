@@ -108,7 +108,7 @@ struct Timing {
 };
 // Times the candidates alternately, so that a disturbance affects all of them.
 std::vector<Timing> time_all(const std::vector<Candidate>& candidates, const Labelled& rows, std::size_t samples);
-double clock_ns();                  // time of two readings of the clock, median of this run
+double clock_ns();                  // time of one reading of the clock, median of this run
 std::string why_no_instructions();  // "" if they are counted
 double quantile(std::vector<float>& values, double share);
 

@@ -11,25 +11,19 @@ namespace tactiled::ctl {
 
 std::string tradeoff_svg(const std::vector<Result>& results) {
     constexpr std::array kSymbols{Symbol::circle, Symbol::square, Symbol::triangle, Symbol::diamond, Symbol::cross};
-    constexpr std::array kColours{"#1f5fa8", "#c4561e", "#1b1f24", "#6a994e", "#8d5a97"};
     Figure figure{.title = "What accuracy costs in time (filled: nothing is faster and as accurate)",
                   .x = {"time a sample, median, microseconds", true},
-                  .y = {"error of force, rms, % of full scale", true},
-                  .series = {}};
+                  .y = {"error of force, rms, % of full scale", true}};
     for (std::size_t r = 0; r < results.size(); ++r) {
         const Result& result = results[r];
-        Figure::Series best{.name = result.contest->model,
-                            .symbol = kSymbols[r % kSymbols.size()],
-                            .stroke = Stroke::solid,
-                            .points = {},
-                            .colour = kColours[r % kColours.size()]};
-        Figure::Series others{.name = "", .symbol = best.symbol, .points = {}, .colour = best.colour, .hollow = true};
+        Figure::Series best{result.contest->model, kSymbols[r % kSymbols.size()], Stroke::solid, {}, int(r)};
+        Figure::Series others{.name = "", .symbol = best.symbol, .colour = best.colour, .hollow = true};
         for (std::size_t i = 0; i < result.measures.size(); ++i) {
             const Measure& all = result.measures[i].back();
             // A method that is too fast for the clock is drawn at its resolution.
-            const Figure::Point point{std::max(all.p50_ns, 1.0) / 1e3, all.judged.force_rms_percent,
-                                      result.contest->candidates[i].name};
-            (all.on_front ? best : others).points.push_back(point);
+            (all.on_front ? best : others)
+                .points.push_back(
+                    {std::max(all.p50_ns, 1.0) / 1e3, all.judged.force_rms_percent, result.contest->candidates[i].name});
         }
         std::sort(best.points.begin(), best.points.end(), [](const auto& a, const auto& b) { return a.x < b.x; });
         figure.series.push_back(std::move(best));

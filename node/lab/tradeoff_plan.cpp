@@ -36,29 +36,15 @@ const std::vector<Source>& sources() {
     return all;
 }
 
-constexpr std::array kKinds{"easy", "combined", "eccentric", "dynamic", kDamaged};
-struct Asked {
-    const char* model;
-    std::array<const char*, kKinds.size()> scene;
-};
+constexpr const char* kModels[] = {"table", "hair", "capacitive", "generic", "piezo"};
+constexpr const char* kKinds[] = {"easy", "combined", "eccentric", "dynamic", kDamaged};
+
 // The generic sensor is the pad with five electrodes, whose geometry the methods do not know; methods that know it
 // are listed beside them.
-constexpr std::array<const char*, kKinds.size()> kPad{"tradeoff_capacitive_easy", "tradeoff_capacitive_combined",
-                                                      "tradeoff_capacitive_eccentric", "tradeoff_capacitive_dynamic",
-                                                      "tradeoff_capacitive_damaged"};
-constexpr Asked kAsked[] = {
-    {"table",
-     {"tradeoff_table_easy", "tradeoff_table_combined", "tradeoff_table_eccentric", "tradeoff_table_dynamic",
-      "tradeoff_table_damaged"}},
-    {"hair",
-     {"tradeoff_hair_easy", "tradeoff_hair_combined", "tradeoff_hair_eccentric", "tradeoff_hair_dynamic",
-      "tradeoff_hair_damaged"}},
-    {"capacitive", kPad},
-    {"generic", kPad},
-    {"piezo",
-     {"tradeoff_piezo_easy", "tradeoff_piezo_combined", "tradeoff_piezo_eccentric", "square_wave",
-      "tradeoff_piezo_damaged"}},
-};
+std::string scene_of(const std::string& model, const std::string& kind) {
+    if (model == "piezo" && kind == "dynamic") return "square_wave";
+    return fmt::format("tradeoff_{}_{}", model == "generic" ? "capacitive" : model, kind);
+}
 
 std::string path_of(const std::string& folder, const std::string& scene) {
     return (std::filesystem::path(folder) / (scene + ".toml")).string();
@@ -118,12 +104,12 @@ Trial trial_of(const std::string& kind, const std::string& path) {
 
 std::vector<Contest> all_contests(const std::string& folder, const std::function<void(double)>& show,
                                   const std::string& model, bool parity) {
-    const auto is_left_out = [&model](const auto& one) { return !model.empty() && one.model != model; };
+    const auto is_left_out = [&model](const std::string& one) { return !model.empty() && one != model; };
     std::atomic<std::size_t> done = 0;
     std::vector<std::future<Made>> made;
     for (const Source& source : sources())
         made.push_back(std::async(std::launch::async, [&folder, &source, &done, &is_left_out, parity] {
-            Made m = is_left_out(source) ? Made{} : calibrate(folder, source, nullptr, parity);
+            Made m = is_left_out(source.model) ? Made{} : calibrate(folder, source, nullptr, parity);
             ++done;
             return m;
         }));
@@ -131,13 +117,12 @@ std::vector<Contest> all_contests(const std::string& folder, const std::function
         while (one.wait_for(std::chrono::milliseconds(100)) != std::future_status::ready)
             show(double(done) / double(made.size()));
     std::vector<Contest> contests;
-    for (const Asked& asked : kAsked) {
-        if (is_left_out(asked)) continue;
-        Contest contest{.model = asked.model, .candidates = {}, .trials = {}, .refused = {}};
+    for (const std::string name : kModels) {
+        if (is_left_out(name)) continue;
+        Contest contest{.model = name, .candidates = {}, .trials = {}, .refused = {}};
         for (std::size_t i = 0; i < made.size(); ++i)
-            if (sources()[i].model == asked.model) add(contest, made[i].get());
-        for (std::size_t k = 0; k < kKinds.size(); ++k)
-            contest.trials.push_back(trial_of(kKinds[k], path_of(folder, asked.scene[k])));
+            if (sources()[i].model == name) add(contest, made[i].get());
+        for (const char* kind : kKinds) contest.trials.push_back(trial_of(kind, path_of(folder, scene_of(name, kind))));
         contests.push_back(std::move(contest));
     }
     return contests;

@@ -99,8 +99,7 @@ std::string tradeoff_json(const std::vector<Result>& results) {
                                   {"scenes", nlohmann::json::array()}};
             for (const Measure& m : result.measures[i]) {
                 nlohmann::json row{{"scene", m.trial}, {"front", m.on_front}};
-                for (const auto& [name, value] : numbers(m))
-                    row[name] = std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
+                for (const auto& [name, value] : numbers(m)) row[name] = value;
                 method["scenes"].push_back(std::move(row));
             }
             model["methods"].push_back(std::move(method));

@@ -246,8 +246,8 @@ time_s = 5
                          "--figure drivers/sim/effects.svg")
         self.assertLess(figure.stat().st_size, 60_000)
         root = xml.etree.ElementTree.parse(figure).getroot()
-        bars = [e.get("d") for e in root.iter("{http://www.w3.org/2000/svg}path") if e.get("class") == "bar"]
-        begins = {re.match(r"M([\d.]+)", bar).group(1) for bar in bars}
+        bars = [e.get("d") for e in root.iter("{http://www.w3.org/2000/svg}path") if e.get("fill-opacity")]
+        begins = set(re.findall(r"M([\d.]+) ", bars[-1]))  # bars[0] is that of the legend
         listed = json.loads(simulate("--list", "--json").stdout)["effects"]
         self.assertGreaterEqual(len(begins), min(8, len(listed)), "effects come on at different times")
 

@@ -15,21 +15,15 @@ constexpr int kTicks = 5;            // approximate number
 }  // namespace
 
 Span span_of(std::span<const double> values) {
-    Span span{0, 0};
-    bool any = false;
-    for (const double value : values) {
-        if (!std::isfinite(value)) continue;
-        span = any ? Span{std::min(span.min, value), std::max(span.max, value)} : Span{value, value};
-        any = true;
-    }
-    return span;
+    Span span{HUGE_VAL, -HUGE_VAL};
+    for (const double value : values)
+        if (std::isfinite(value)) span = {std::min(span.min, value), std::max(span.max, value)};
+    return span.min <= span.max ? span : Span{0, 0};
 }
 
 Span as_axis(Span span, double margin) {
-    if (!std::isfinite(span.min)) span.min = 0;
-    if (!std::isfinite(span.max)) span.max = span.min;
-    span.min = std::clamp(span.min, -kGreatest, kGreatest);
-    span.max = std::clamp(span.max, -kGreatest, kGreatest);
+    for (double* const end : {&span.min, &span.max})
+        *end = std::isfinite(*end) ? std::clamp(*end, -kGreatest, kGreatest) : 0;
     if (span.min > span.max) std::swap(span.min, span.max);
     const double greatest = std::max(std::abs(span.min), std::abs(span.max));
     if (greatest < 1e-290) return {-1, 1};
@@ -81,15 +75,9 @@ std::vector<Tick> log_ticks(Span axis) {
     return result;
 }
 
-Scale Scale::logarithmic(Span powers, double from, double to) {
-    Scale scale(powers, from, to);
-    scale.logarithmic_ = true;
-    return scale;
-}
-
 double Scale::at(double value) const {
-    if (logarithmic_) value = value > 0 ? std::log10(value) : axis_.min;
-    return from_ + (to_ - from_) * std::clamp((value - axis_.min) / (axis_.max - axis_.min), 0.0, 1.0);
+    if (logarithmic) value = value > 0 ? std::log10(value) : axis.min;
+    return from + (to - from) * std::clamp((value - axis.min) / (axis.max - axis.min), 0.0, 1.0);
 }
 
 }  // namespace tactiled

@@ -27,20 +27,12 @@ std::vector<Tick> axis_ticks(Span axis);
 std::vector<Tick> log_ticks(Span axis);
 
 // Maps the values of an axis to coordinates on the paper; values beyond the axis are placed at its ends.
-class Scale {
-public:
-    // `from` and `to` are the coordinates of axis.min and axis.max.
-    Scale(Span axis, double from, double to) : axis_(axis), from_(from), to_(to) {}
-    // `powers` are the decimal logarithms of the ends; values of 0 and less are placed at the first.
-    static Scale logarithmic(Span powers, double from, double to);
+struct Scale {
+    Span axis;  // its decimal logarithms, if it is logarithmic
+    double from, to;
+    bool logarithmic = false;  // values of 0 and less are placed at axis.min
 
     [[nodiscard]] double at(double value) const;
-    [[nodiscard]] Span axis() const { return axis_; }  // logarithms, if it is logarithmic
-
-private:
-    Span axis_;
-    double from_, to_;
-    bool logarithmic_ = false;
 };
 
 }  // namespace tactiled

@@ -16,23 +16,26 @@ struct Box {  // y grows downwards
 };
 
 struct LabelRequest {
-    Box symbol;  // box of its symbol
-    double width, height;
+    Box symbol;
+    double width = 0, height = 0;  // size of the label; 0 = none, but no other label is placed over the symbol
 };
 
-// A leader from the symbol to the nearest point of its label is drawn if the distance is larger than this.
-inline constexpr double kLeader = 14;
-struct Leader {
+struct Line {
     double from_x, from_y, to_x, to_y;
-    [[nodiscard]] bool needed() const noexcept;
 };
-Leader leader_between(const Box& symbol, const Box& label);
+// Appends small boxes that cover the line.
+void cover(const Line& line, std::vector<Box>& boxes);
 
-// Returns a place for each request, greedily in their order: the nearest free one, with right of the symbol preferred
-// to left, above and below. All are in `frame`, over no request's symbol, no box of `taken` and no other label. A
-// label or leader is placed over `crossed` (lines) only if there is no other place. The result is empty if there is
-// no room.
-std::vector<std::optional<Box>> place_labels(const std::vector<LabelRequest>& requests, const std::vector<Box>& taken,
-                                             std::vector<Box> crossed, const Box& frame);
+struct Label {
+    Box box;
+    std::optional<Line> leader;  // joins the label to its symbol if it is far from it
+};
+
+// Returns a place for each request; none if there is no room or no label. All places are in `frame`, over no symbol and
+// no other label. The nearest one is taken; a place over `crossed` (lines), or with a leader over other things, counts as
+// farther. Right of the symbol is preferred to left, above and below. The requests are served in their order and in the
+// opposite one; the result is the better of both.
+std::vector<std::optional<Label>> place_labels(const std::vector<LabelRequest>& requests, const std::vector<Box>& crossed,
+                                               const Box& frame);
 
 }  // namespace tactiled

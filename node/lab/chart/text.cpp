@@ -26,20 +26,17 @@ std::string html_text(std::string_view text) {
     while (!text.empty()) {
         const std::size_t n = sequence(text);
         const char c = text[0];
-        if (n == 0 || (n == 1 && ((static_cast<unsigned char>(c) < ' ' && c != '\t' && c != '\n') || c == '\x7f')))
-            result += "\xEF\xBF\xBD";
-        else if (c == '&')
-            result += "&amp;";
-        else if (c == '<')
-            result += "&lt;";
-        else if (c == '>')
-            result += "&gt;";
-        else if (c == '"')
-            result += "&quot;";
-        else if (c == '\'')
-            result += "&#39;";
-        else
-            result += text.substr(0, n);
+        switch (c) {
+            case '&': result += "&amp;"; break;
+            case '<': result += "&lt;"; break;
+            case '>': result += "&gt;"; break;
+            case '"': result += "&quot;"; break;
+            case '\'': result += "&#39;"; break;
+            default: {
+                const bool control = (static_cast<unsigned char>(c) < ' ' && c != '\t' && c != '\n') || c == '\x7f';
+                result += n == 0 || control ? std::string_view("\uFFFD") : text.substr(0, n);
+            }
+        }
         text.remove_prefix(std::max<std::size_t>(n, 1));
     }
     return result;

@@ -8,7 +8,6 @@
 #include <numeric>
 
 #include "decoupling/solve/domain.hpp"
-#include "node/lab/chart/plot.hpp"
 #include "node/lab/chart/text.hpp"
 #include "node/lab/report/html.hpp"
 #include "node/lab/report/report.hpp"
@@ -56,17 +55,14 @@ std::vector<double> distances(const std::vector<Row>& rows) {
 std::string scatter(const std::string& about, const std::string& x_label, const std::vector<double>& x,
                     const std::string& y_label, const std::vector<Row>& rows) {
     std::vector<double> y;
-    std::vector<Dot> dots;
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-        y.push_back(rows[i].error);
-        dots.push_back({x[i], rows[i].error});
-    }
+    for (const Row& row : rows) y.push_back(row.error);
     const Span across = as_axis(span_of(x));
-    SvgPlot plot(about, x_label, across, y_label, as_axis(span_of(y)));
-    const Dot zero[] = {{across.min, 0}, {across.max, 0}};
-    plot.line(zero, "ideal");
-    plot.dots(dots);
-    return html_figure(plot.text(), html_text(about) + "." + html_thinned(rows.size()));
+    const Figure figure{.title = "",
+                        .x = {.label = x_label, .range = across},
+                        .y = {.label = y_label},
+                        .series = {{"no error", Symbol::none, Stroke::dashed, {{across.min, 0}, {across.max, 0}}, kOrange},
+                                   held_out_rows(x, y)}};
+    return html_figure(figure, about, html_text(about) + "." + html_thinned(rows.size()));
 }
 
 }  // namespace
@@ -119,7 +115,7 @@ std::string html_loading(const FitReport& report) {
         for (int direction = 0; direction < 2; ++direction) {
             cells.push_back(html_number(n[direction], 9));
             for (const double value : {sum[direction] / n[direction], std::sqrt(squares[direction] / n[direction])})
-                cells.push_back(std::isfinite(value) ? html_number(value) + " " + unit_of(component) : "unknown");
+                cells.push_back(html_number(value, unit_of(component)));
         }
         text += html_row(cells);
     }
@@ -139,11 +135,11 @@ std::string html_within(const FitReport& report) {
         const double sd = errors.median_sd();
         if (!std::isfinite(sd)) continue;
         any = true;
-        const auto share = [](double value) { return std::isfinite(value) ? html_number(100 * value) + " %" : "unknown"; };
+        const auto share = [](double value) { return html_number(100 * value, "%"); };
         const double sharpness = sd / report.components[i].held_out_rms;
-        text += html_row({html_text(report.components[i].name), html_number(sd) + " " + unit_of(report.components[i]),
-                          std::isfinite(sharpness) ? html_number(sharpness) : "unknown", share(errors.within(1)),
-                          share(errors.within(2)), share(errors.within(3)), share(1 - errors.within(5))});
+        text += html_row({html_text(report.components[i].name), html_number(sd, unit_of(report.components[i])),
+                          html_number(sharpness), share(errors.within(1)), share(errors.within(2)), share(errors.within(3)),
+                          share(1 - errors.within(5))});
     }
     if (!any) return "";
     return "<h2>Coverage of the stated sd</h2>\n<p>Shares of the held-out errors; of normal errors they would be 68.3, "

@@ -14,32 +14,28 @@
 namespace tactiled {
 namespace {
 
-std::string with_unit(double value, const std::string& unit) {
-    return std::isfinite(value) ? html_number(value) + " " + html_text(unit) : "unknown";
-}
-std::string percent(double share) { return with_unit(100 * share, "%"); }
+std::string percent(double share) { return html_number(100 * share, "%"); }
 
 std::string or_unknown(const std::string& text) { return text.empty() ? "unknown" : html_text(text); }
 
 std::string header(const FitReport& report) {
     const Calibration& c = report.calibration;
     const int disagree = report.rows_read - report.rows_without_label - report.rows_missing_channel - c.rows;
-    std::string rows = html_fact("model, method", html_text(c.model) + ", " + html_text(c.method));
-    rows += html_fact("serial", or_unknown(c.serial)) + html_fact("date", or_unknown(c.date));
-    if (report.labelled != nullptr) {
-        rows += html_fact("recording", or_unknown(report.labelled->name));
-        if (!report.labelled->sessions.empty())
-            rows += html_fact("sessions", html_text(fmt::format("{}", fmt::join(report.labelled->sessions, ", "))));
-    }
-    rows += html_fact("contact model", or_unknown(c.contact_model));
-    rows += html_fact("channels", fmt::format("{}, unit: {}", c.channels.size(), or_unknown(c.channel_unit)));
-    rows += html_fact("rows used", fmt::format("{} of {}", html_number(c.rows, 9), html_number(report.rows_read, 9)));
-    rows += html_fact("rows left out",
-                      fmt::format("{} without a label, {} with a missing channel, {} whose label disagrees with the rest",
-                                  html_number(report.rows_without_label, 9), html_number(report.rows_missing_channel, 9),
-                                  html_number(disagree, 9)));
-    rows += html_fact("validated by", c.validation.empty() ? "not validated" : html_text(c.validation));
-    return html_facts(rows);
+    Facts facts{{"model, method", html_text(c.model) + ", " + html_text(c.method)},
+                {"serial", or_unknown(c.serial)},
+                {"date", or_unknown(c.date)}};
+    if (report.labelled != nullptr) facts.emplace_back("recording", or_unknown(report.labelled->name));
+    if (report.labelled != nullptr && !report.labelled->sessions.empty())
+        facts.emplace_back("sessions", html_text(fmt::format("{}", fmt::join(report.labelled->sessions, ", "))));
+    facts.emplace_back("contact model", or_unknown(c.contact_model));
+    facts.emplace_back("channels", fmt::format("{}, unit: {}", c.channels.size(), or_unknown(c.channel_unit)));
+    facts.emplace_back("rows used", fmt::format("{} of {}", html_number(c.rows, 9), html_number(report.rows_read, 9)));
+    facts.emplace_back("rows left out",
+                       fmt::format("{} without a label, {} with a missing channel, {} whose label disagrees with the rest",
+                                   html_number(report.rows_without_label, 9), html_number(report.rows_missing_channel, 9),
+                                   html_number(disagree, 9)));
+    facts.emplace_back("validated by", c.validation.empty() ? "not validated" : html_text(c.validation));
+    return html_facts(facts);
 }
 
 std::string warnings(const FitReport& report) {
@@ -62,7 +58,7 @@ std::string components(const FitReport& report) {
         const std::string unit = unit_of(c);
         std::string sd = "unknown";
         if (errors.sd_known) {
-            sd = with_unit(report.calibration.sd[i], unit);
+            sd = html_number(report.calibration.sd[i], unit);
             std::string more;
             if (i < report.calibration.sd_slope.size() && report.calibration.sd_slope[i] != 0)
                 more += fmt::format(", {} × |{}|", html_number(report.calibration.sd_slope[i]), html_text(c.name));
@@ -70,10 +66,10 @@ std::string components(const FitReport& report) {
                 more += fmt::format(", {} × load", html_number(report.calibration.sd_load[i]));
             if (!more.empty()) sd = fmt::format("hypot({}{})", sd, more);
         }
-        rows +=
-            html_row({html_text(c.name), html_number(c.rows, 9), with_unit(c.full_scale, unit),
-                      with_unit(c.fitted_rms, unit), with_unit(c.held_out_rms, unit), percent(c.held_out_rms / c.full_scale),
-                      sd, percent(errors.within(1)), html_number(double(errors.without_estimate), 9)});
+        rows += html_row({html_text(c.name), html_number(c.rows, 9), html_number(c.full_scale, unit),
+                          html_number(c.fitted_rms, unit), html_number(c.held_out_rms, unit),
+                          percent(c.held_out_rms / c.full_scale), sd, percent(errors.within(1)),
+                          html_number(double(errors.without_estimate), 9)});
     }
     return html_table(rows, "components");
 }
@@ -120,7 +116,7 @@ std::string sessions(const FitReport& report) {
             if (n == 0) continue;
             const std::string unit = unit_of(report.components[i]);
             rows += html_row({html_text(report.labelled->sessions[s]), html_text(report.components[i].name),
-                              html_number(n, 9), with_unit(sum / n, unit), with_unit(std::sqrt(squares / n), unit)});
+                              html_number(n, 9), html_number(sum / n, unit), html_number(std::sqrt(squares / n), unit)});
         }
     return "<h2>Errors by session</h2>\n<p>Held-out rows. A mean error that differs from session to session is an offset, "
            "for "
@@ -172,8 +168,8 @@ std::string conditioning(const FitReport& report) {
         double norm = 0;
         for (const double m : c.matrix[i]) norm = std::hypot(norm, m);
         const ComponentReport& component = report.components[i];
-        rows += html_row({html_text(component.name), with_unit(norm, unit_of(component)),
-                          with_unit(0.01 * component.full_scale / norm, unit)});
+        rows += html_row({html_text(component.name), html_number(norm, unit_of(component)),
+                          html_number(0.01 * component.full_scale / norm, unit)});
     }
     text +=
         "<p>If every channel has independent noise of the same sd, a component has that sd times the norm of its row of "

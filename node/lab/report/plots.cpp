@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "decoupling/solve/load_scale.hpp"
-#include "node/lab/chart/plot.hpp"
 #include "node/lab/report/report.hpp"
 
 namespace tactiled {
@@ -17,81 +16,90 @@ namespace {
 constexpr double kHistogramEnd = 4;  // standard deviations
 constexpr int kBins = 32;
 
-std::vector<Dot> pairs(const std::vector<double>& x, const std::vector<double>& y) {
-    std::vector<Dot> dots;
-    for (std::size_t i = 0; i < x.size(); ++i) dots.push_back({x[i], y[i]});
-    return dots;
+using Points = std::vector<Figure::Point>;
+
+Figure::Series line(const std::string& name, Points points, Stroke stroke = Stroke::solid) {
+    return {name, Symbol::none, stroke, std::move(points), kOrange};
 }
 
 std::string applied_estimated(const ComponentErrors& errors, const std::string& name, const std::string& unit) {
     const Span a = span_of(errors.applied), e = span_of(errors.estimated);
     const Span both = as_axis({std::min(a.min, e.min), std::max(a.max, e.max)});
-    SvgPlot plot(name + ": estimated against applied, held-out rows", fmt::format("applied {}, {}", name, unit), both,
-                 fmt::format("estimated {}, {}", name, unit), both);
-    const Dot diagonal[] = {{both.min, both.min}, {both.max, both.max}};
-    plot.line(diagonal, "ideal");
-    plot.dots(pairs(errors.applied, errors.estimated));
-    return html_figure(plot.text(), fmt::format("Estimated against applied {}, held-out rows. On the line they are equal.{}",
-                                                name, html_thinned(errors.applied.size())));
+    const Figure figure{.title = "",
+                        .x = {.label = fmt::format("applied {}, {}", name, unit), .range = both},
+                        .y = {.label = fmt::format("estimated {}, {}", name, unit), .range = both},
+                        .series = {line("equal", {{both.min, both.min}, {both.max, both.max}}, Stroke::dashed),
+                                   held_out_rows(errors.applied, errors.estimated)}};
+    return html_figure(figure, name + ": estimated against applied, held-out rows",
+                       fmt::format("Estimated against applied {}, held-out rows. On the line they are equal.{}", name,
+                                   html_thinned(errors.applied.size())));
 }
 
 std::string residuals(const FitReport& report, std::size_t i, const ComponentErrors& errors, const std::string& unit) {
     const std::string& name = report.components[i].name;
-    const Calibration& calibration = report.calibration;
     const Span x = as_axis(span_of(errors.applied));
-    std::vector<Dot> lower, upper;
-    std::vector<double> y = errors.error;
-    if (errors.sd_known)
-        for (int k = 0; k <= 40; ++k) {
-            const double load = x.min + (x.max - x.min) * k / 40;
-            Wrench alone{};  // the others are 0
-            alone[component_index(name)] = load;
-            const double sd = stated_sd(calibration, i, alone);
-            lower.push_back({load, -sd});
-            upper.push_back({load, sd});
-            y.insert(y.end(), {-sd, sd});
+    Figure figure{.title = "",
+                  .x = {.label = fmt::format("applied {}, {}", name, unit), .range = x},
+                  .y = {.label = fmt::format("estimated − applied, {}", unit)}};
+    if (errors.sd_known) {
+        Points band;
+        for (int k = -40; k <= 40; ++k) {  // along the lower side, and back along the upper one
+            Wrench alone{};                // the others are 0
+            const double load = alone[component_index(name)] = x.max - (x.max - x.min) * std::abs(k) / 40;
+            band.push_back({load, std::copysign(stated_sd(report.calibration, i, alone), k + 0.5)});
         }
-    SvgPlot plot(name + ": error against applied, held-out rows", fmt::format("applied {}, {}", name, unit), x,
-                 fmt::format("estimated − applied, {}", unit), as_axis(span_of(y)));
-    plot.band(lower, upper);
-    const Dot zero[] = {{x.min, 0}, {x.max, 0}};
-    plot.line(zero, "ideal");
-    plot.dots(pairs(errors.applied, errors.error));
+        figure.series.push_back({.name = "one stated sd", .points = band, .colour = kOrange, .shape = Shape::area});
+    }
+    figure.series.push_back(line("no error", {{x.min, 0}, {x.max, 0}}, Stroke::dashed));
+    figure.series.push_back(held_out_rows(errors.applied, errors.error));
     return html_figure(
-        plot.text(),
+        figure, name + ": error against applied, held-out rows",
         fmt::format("Error against applied {}, held-out rows. {}{}", name,
                     errors.sd_known ? "Shaded: one stated sd each way, at an estimate equal to the load and no other load."
                                     : "No band: the sd is unknown.",
                     html_thinned(errors.applied.size())));
 }
 
+// Returns the bars of a histogram between x.min and x.max; values beyond are in the outermost bars.
+Figure::Series histogram(const std::string& name, const std::vector<double>& values, Span x, double per_value) {
+    const double width = x.max / kBins - x.min / kBins;
+    std::vector<double> height(kBins);
+    for (const double value : values)
+        height[std::size_t(std::clamp((value - x.min) / width, 0.0, kBins - 1.0))] += per_value;
+    Figure::Series bars{.name = name, .colour = kBlue, .shape = Shape::bars};
+    for (int k = 0; k < kBins; ++k) {
+        bars.points.push_back({x.min + k * width, 0});
+        bars.points.push_back({x.min + (k + 1) * width, height[std::size_t(k)]});
+    }
+    return bars;
+}
+
+double highest(const Figure::Series& bars) {
+    double y = 0;
+    for (const auto& point : bars.points) y = std::max(y, point.y);
+    return y;
+}
+
 // Shows errors in sd beside a normal distribution; in rms if the sd is unknown.
 std::string distribution(const ComponentReport& component, const ComponentErrors& errors) {
     const char* const scale = errors.sd_known ? "sd" : "rms";
-    std::vector<double> density(kBins);
-    const double width = 2 * kHistogramEnd / kBins;
-    std::size_t n = 0;
-    for (std::size_t k = 0; k < errors.error.size(); ++k) {
-        const double ratio = errors.error[k] / (errors.sd_known ? errors.sd[k] : component.held_out_rms);
-        if (std::isnan(ratio)) continue;
-        ++n;
-        const double bin = std::clamp((ratio + kHistogramEnd) / width, 0.0, kBins - 1.0);
-        density[std::size_t(bin)] += 1;
-    }
-    if (n == 0) return "";
-    for (double& d : density) d /= double(n) * width;
-    const double max = std::max(0.4, *std::max_element(density.begin(), density.end()));
-    SvgPlot plot(fmt::format("{}: histogram of held-out error over {}", component.name, scale),
-                 fmt::format("error of {} / {}", component.name, scale), {-kHistogramEnd, kHistogramEnd},
-                 fmt::format("share of errors per {}", scale), {0, 1.06 * max});
-    std::vector<Dot> normal;
-    for (int k = 0; k < kBins; ++k)
-        plot.bar(-kHistogramEnd + k * width, -kHistogramEnd + (k + 1) * width, density[std::size_t(k)]);
-    for (int k = 0; k <= 80; ++k) {
-        const double z = kHistogramEnd * (k / 40.0 - 1);
+    std::vector<double> ratios;
+    for (std::size_t k = 0; k < errors.error.size(); ++k)
+        ratios.push_back(errors.error[k] / (errors.sd_known ? errors.sd[k] : component.held_out_rms));
+    std::erase_if(ratios, [](double ratio) { return std::isnan(ratio); });
+    if (ratios.empty()) return "";
+    const Span x{-kHistogramEnd, kHistogramEnd};
+    const auto bars = histogram("errors", ratios, x, kBins / (2 * kHistogramEnd * double(ratios.size())));
+    Points normal;
+    for (int k = -40; k <= 40; ++k) {
+        const double z = kHistogramEnd * k / 40.0;
         normal.push_back({z, std::exp(-z * z / 2) / std::sqrt(2 * M_PI)});
     }
-    plot.line(normal, "curve");
+    const Figure figure{
+        .title = "",
+        .x = {.label = fmt::format("error of {} / {}", component.name, scale), .range = x},
+        .y = {.label = fmt::format("share of errors per {}", scale), .range = Span{0, 1.06 * std::max(0.4, highest(bars))}},
+        .series = {bars, line("normal distribution", normal)}};
     std::string caption = fmt::format(
         "Error of {} in {}; the line is the normal distribution. Errors beyond {:g} {} are "
         "in the outermost bars.",
@@ -99,7 +107,7 @@ std::string distribution(const ComponentReport& component, const ComponentErrors
     if (errors.sd_known)
         caption += fmt::format(" Beyond 2 sd: {:.2f} % (normal: 4.55 %); beyond 3 sd: {:.2f} % (normal: 0.27 %).",
                                100 * (1 - errors.within(2)), 100 * (1 - errors.within(3)));
-    return html_figure(plot.text(), caption);
+    return html_figure(figure, fmt::format("{}: histogram of held-out error over {}", component.name, scale), caption);
 }
 
 // Returns the labels of rows that have all channels.
@@ -122,14 +130,13 @@ std::string load_histogram(const ComponentReport& component, const std::vector<W
         if (std::isfinite(wrench[c])) values.push_back(wrench[c]);
     if (values.empty()) return "";
     const Span x = as_axis(span_of(values), 0);
-    std::vector<double> count(kBins);
-    const double width = x.max / kBins - x.min / kBins;
-    for (const double value : values) count[std::size_t(std::clamp((value - x.min) / width, 0.0, kBins - 1.0))] += 1;
-    SvgPlot plot(component.name + ": histogram of the loads",
-                 fmt::format("applied {}, {}", component.name, unit_of(component)), x, "rows",
-                 {0, 1.06 * *std::max_element(count.begin(), count.end())});
-    for (int k = 0; k < kBins; ++k) plot.bar(x.min + k * width, x.min + (k + 1) * width, count[std::size_t(k)]);
-    return html_figure(plot.text(), fmt::format("Loads {} of {} rows.", component.name, values.size()));
+    const auto bars = histogram("", values, x, 1);
+    const Figure figure{.title = "",
+                        .x = {.label = fmt::format("applied {}, {}", component.name, unit_of(component)), .range = x},
+                        .y = {.label = "rows", .range = Span{0, 1.06 * highest(bars)}},
+                        .series = {bars}};
+    return html_figure(figure, component.name + ": histogram of the loads",
+                       fmt::format("Loads {} of {} rows.", component.name, values.size()));
 }
 
 std::string load_pair(const ComponentReport& a, const ComponentReport& b, const std::vector<Wrench>& all) {
@@ -141,17 +148,28 @@ std::string load_pair(const ComponentReport& a, const ComponentReport& b, const 
             y.push_back(vb);
         }
     if (x.empty()) return "";
-    SvgPlot plot(fmt::format("loads: {} against {}", b.name, a.name), fmt::format("applied {}, {}", a.name, unit_of(a)),
-                 as_axis(span_of(x)), fmt::format("applied {}, {}", b.name, unit_of(b)), as_axis(span_of(y)));
-    plot.dots(pairs(x, y));
-    return html_figure(plot.text(),
+    const Figure figure{.title = "",
+                        .x = {.label = fmt::format("applied {}, {}", a.name, unit_of(a))},
+                        .y = {.label = fmt::format("applied {}, {}", b.name, unit_of(b))},
+                        .series = {held_out_rows(x, y)}};
+    return html_figure(figure, fmt::format("loads: {} against {}", b.name, a.name),
                        fmt::format("Loads {} and {}, {} rows.{}", a.name, b.name, x.size(), html_thinned(x.size())));
 }
 
 }  // namespace
 
-std::string html_figure(const std::string& svg, const std::string& caption_html) {
-    return fmt::format("<figure>\n{}<figcaption>{}</figcaption>\n</figure>\n", svg, caption_html);
+Figure::Series held_out_rows(std::span<const double> x, std::span<const double> y) {
+    Figure::Series rows{.name = "", .symbol = Symbol::dot, .colour = kBlue};
+    const std::size_t n = std::min(x.size(), kMaxDots);
+    for (std::size_t i = 0; i < n; ++i) rows.points.push_back({x[i * x.size() / n], y[i * x.size() / n]});
+    return rows;
+}
+
+std::string html_figure(Figure figure, const std::string& about, const std::string& caption_html) {
+    figure.width = 280;
+    figure.height = 230;
+    return fmt::format("<figure>\n{}<figcaption>{}</figcaption>\n</figure>\n", figures_svg({&figure, 1}, about, Place::page),
+                       caption_html);
 }
 
 std::string html_thinned(std::size_t rows) {

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "decoupling/fit/fit.hpp"
+#include "node/lab/chart/figure.hpp"
 
 namespace tactiled {
 
@@ -37,7 +38,10 @@ std::string unit_of(const ComponentReport& component);  // "N", "Nm"
 std::string html_report(const FitReport& report, const std::string& title);
 
 // Parts of the page, in plots.cpp.
-std::string html_figure(const std::string& svg, const std::string& caption_html);
+inline constexpr std::size_t kMaxDots = 2000;  // in one plot; more look the same and make the file slow
+// Returns a dot for each row, evenly thinned to kMaxDots.
+Figure::Series held_out_rows(std::span<const double> x, std::span<const double> y);
+std::string html_figure(Figure figure, const std::string& about, const std::string& caption_html);
 std::string html_thinned(std::size_t rows);  // the note that a plot shows a part of the rows, or ""
 std::string html_component_plots(const FitReport& report, std::size_t i);
 std::string html_coverage(const FitReport& report);

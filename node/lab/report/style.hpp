@@ -4,10 +4,10 @@
 namespace tactiled {
 
 inline constexpr const char* kReportStyle = R"(
-:root { color-scheme: light dark; --ink: #1b1f24; --soft: #57606a; --paper: #ffffff; --rule: #d0d7de; --grid: #e6eaee;
-  --dots: #1f5fa8; --band: #d9822b; --line: #b3261e; --note: #fff4dc; --cell: 31, 95, 168; }
+:root { color-scheme: light dark; --ink: #1b1f24; --soft: #57606a; --paper: #ffffff; --rule: #d0d7de;
+  --note: #fff4dc; --cell: 31, 95, 168; }
 @media (prefers-color-scheme: dark) { :root { --ink: #e6e8eb; --soft: #a3abb5; --paper: #14171b; --rule: #3a414a;
-  --grid: #262c33; --dots: #7db4f5; --band: #d9a05b; --line: #ff8a80; --note: #3a2f16; --cell: 90, 150, 225; } }
+  --note: #3a2f16; --cell: 90, 150, 225; } }
 * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
 body { margin: 0 auto; padding: 1.5rem; max-width: 75rem; color: var(--ink); background: var(--paper);
   font: 15px/1.45 system-ui, "Segoe UI", "Helvetica Neue", Arial, sans-serif; }
@@ -22,15 +22,9 @@ th { font-weight: 600; } th:first-child, td:first-child, td.text { text-align: l
 .note { background: var(--note); padding: 0.6em 1em 0.6em 2em; }
 .plots { display: grid; grid-template-columns: repeat(auto-fill, minmax(20rem, 1fr)); gap: 1em; }
 figure { margin: 0; } figcaption { color: var(--soft); font-size: 0.87em; }
-svg { width: 100%; height: auto; max-width: 30rem; } svg.wide { max-width: none; } svg text { font-size: 11px; fill: var(--ink); }
-.frame { fill: none; stroke: var(--rule); } .grid { fill: none; stroke: var(--grid); }
-.dots { fill: none; stroke: var(--dots); stroke-width: 2.4; stroke-linecap: round; stroke-opacity: 0.7; }
-.band { fill: var(--band); fill-opacity: 0.22; stroke: var(--band); stroke-opacity: 0.7; }
-.bar { fill: var(--dots); fill-opacity: 0.55; stroke: var(--paper); stroke-width: 0.5; }
-.ideal { fill: none; stroke: var(--line); stroke-dasharray: 5 3; }
-.curve { fill: none; stroke: var(--line); stroke-width: 1.5; }
+svg { width: 100%; height: auto; max-width: 30rem; } .wide svg { max-width: none; }
 @media print { :root { color-scheme: light; --ink: #000000; --soft: #444444; --paper: #ffffff; --rule: #bbbbbb;
-  --grid: #e4e4e4; --dots: #1f5fa8; --band: #d9822b; --line: #b3261e; --note: #fff4dc; --cell: 31, 95, 168; }
+  --note: #fff4dc; --cell: 31, 95, 168; }
   body { font-size: 9.5pt; max-width: none; margin: 0; padding: 0; } figure, table, .note { break-inside: avoid; }
   h2, h3 { break-after: avoid; }
   td { white-space: normal; } th, td { padding: 0.2em 0.4em; font-size: 8pt; overflow-wrap: break-word; } .scroll { overflow: visible; } .plots { grid-template-columns: repeat(3, 1fr); } }

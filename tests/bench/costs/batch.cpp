@@ -105,10 +105,10 @@ Cost measure(const CostSetup& setup) {
     const auto ns = ns_alternating(contenders, setup.samples_or(10'000));
     Cost cost;
     cost.columns = {"taxels", "linear_ns", "map_ns", "matrix_one_by_one_ns", "matrix_together_ns"};
-    std::vector<Figure::Series> series{{"sensor, table/map", Symbol::triangle, Stroke::solid, {}, "#1b1f24"},
-                                       {"sensor, table/linear", Symbol::circle, Stroke::solid, {}, "#1f5fa8"},
-                                       {"the matrix alone, one by one", Symbol::ring, Stroke::solid, {}, "#7f8790"},
-                                       {"the matrix alone, together", Symbol::diamond, Stroke::solid, {}, "#c4561e"}};
+    std::vector<Figure::Series> series{{"sensor, table/map", Symbol::triangle, Stroke::solid, {}, kInk},
+                                       {"sensor, table/linear", Symbol::circle, Stroke::solid, {}, kBlue},
+                                       {"the matrix alone, one by one", Symbol::ring, Stroke::solid, {}, kGrey},
+                                       {"the matrix alone, together", Symbol::diamond, Stroke::solid, {}, kOrange}};
     for (std::size_t b = 0; b < std::size(kBatches); ++b) {
         const double n = double(kBatches[b]);
         const double* at = &ns[4 * b];

@@ -81,8 +81,7 @@ Cost measure(const CostSetup& setup) {
     const Calibration calibration = shipped_calibration(setup, "capacitive_documents.toml");
     Cost cost;
     cost.columns = {"conversion", "rate_Hz", "noise_aF", "fz_sd_mN", "fx_sd_mN", "delay_ms", "five_electrodes_in_turn_ms"};
-    Figure::Series fz{"press", Symbol::circle, Stroke::solid, {}, ""},
-        fx{"shear, from a pair", Symbol::square, Stroke::solid, {}, ""};
+    Figure::Series fz{"press", Symbol::circle, Stroke::solid}, fx{"shear, from a pair", Symbol::square, Stroke::solid};
     for (const auto& c : kConversions) {
         const ForceNoise noise = force_noise(calibration, c.noise_aF * 1e-6, setup.samples_or(40'000));
         cost.rows.push_back({fmt::format("{:g} ms", c.time_ms),
@@ -105,7 +104,7 @@ Cost measure(const CostSetup& setup) {
                                   Symbol::none,
                                   Stroke::dashed,
                                   {{cost.rows.front().values[4], accuracy_mN, ""}, {slow[4], accuracy_mN, ""}},
-                                  "#1b1f24"};
+                                  kInk};
     cost.figure = {"AD7746: noise against delay, capacitive sensor",
                    {"delay of one electrode by its conversion, ms", true},
                    {"noise of the force, one sd, mN", true},

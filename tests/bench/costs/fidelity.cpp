@@ -15,9 +15,9 @@ constexpr const char* kScenes[] = {"quasi_static", "press_ramp", "grasp_egg", "c
 Cost measure(const CostSetup& setup) {
     Cost cost;
     cost.columns = {"scene", "none_ns", "auto_ns", "all_ns", "none_error_mN", "auto_error_mN", "wanted_mN", "effects_on"};
-    Figure::Series none{"none", Symbol::ring, Stroke::none, {}, ""}, chosen{"auto", Symbol::circle, Stroke::none, {}, ""},
-        all{"all: the measure of the others", Symbol::square, Stroke::none, {}, ""},
-        wanted{"wanted accuracy", Symbol::none, Stroke::dashed, {}, "#1b1f24"};
+    Figure::Series none{"none", Symbol::ring, Stroke::none}, chosen{"auto", Symbol::circle, Stroke::none},
+        all{"all: the measure of the others", Symbol::square, Stroke::none},
+        wanted{"wanted accuracy", Symbol::none, Stroke::dashed, {}, kInk};
     double worst_none = 0, worst_auto = 0, min_share = std::numeric_limits<double>::infinity(), max_share = 0,
            fastest_ns = 1e300, slowest_ns = 0;
     for (const char* name : kScenes) {

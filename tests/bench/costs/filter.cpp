@@ -57,8 +57,8 @@ double pole(double cutoff_Hz) {
 Cost measure(const CostSetup& setup) {
     Cost cost;
     cost.columns = {"filter", "cutoff_Hz", "delay_ms", "delay_theory_ms", "noise_left", "noise_left_theory"};
-    Figure::Series measured{"measured", Symbol::circle, Stroke::none, {}, ""},
-        theory{"theory", Symbol::none, Stroke::solid, {}, "#7f8790"};
+    Figure::Series measured{"measured", Symbol::circle, Stroke::none},
+        theory{"theory", Symbol::none, Stroke::solid, {}, kGrey};
     const Cost::Row* best = nullptr;
     for (const double cutoff_Hz : {1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0}) {
         const double b = pole(cutoff_Hz);

@@ -103,10 +103,10 @@ Cost measure(const CostSetup& setup) {
          {alone / per_normal_Pa, ideal(1), 13.7, alone / per_shear_Pa, threshold_Pa(noise, per_shear_Pa), 6.9, ns[0]}},
         {"two, SUM and DIFF", {of_pair.normal_Pa, ideal(2), kNone, of_pair.shear_Pa, diff, 5.1, ns[1]}},
         {"four", {of_four.normal_Pa, ideal(4), 7.2, of_four.shear_Pa, diff, 5.1, ns[2]}}};
-    Figure::Series normal{"press, measured", Symbol::circle, Stroke::solid, {}, ""},
-        shear{"shear, measured", Symbol::square, Stroke::solid, {}, ""},
-        normal_printed{"press, printed", Symbol::ring, Stroke::none, {}, "#1f5fa8"},
-        shear_printed{"shear, printed", Symbol::cross, Stroke::none, {}, "#c4561e"};
+    Figure::Series normal{"press, measured", Symbol::circle, Stroke::solid},
+        shear{"shear, measured", Symbol::square, Stroke::solid},
+        normal_printed{"press, printed", Symbol::ring, Stroke::none, {}, kBlue},
+        shear_printed{"shear, printed", Symbol::cross, Stroke::none, {}, kOrange};
     for (const auto& row : cost.rows) {
         normal.points.push_back({row.values[6], row.values[0], row.name});
         shear.points.push_back({row.values[6], row.values[3], row.name});

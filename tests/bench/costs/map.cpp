@@ -120,9 +120,9 @@ Cost measure(const CostSetup& setup) {
     const auto ns = ns_alternating(resting, setup.samples_or(20'000));
     Cost cost;
     cost.columns = {"map", "points", "force_error_median", "force_error_90", "point_median_um", "point_90_um", "ns"};
-    Figure::Series median{"half of the contacts are better", Symbol::circle, Stroke::solid, {}, ""},
-        ninety{"nine of ten are better", Symbol::square, Stroke::solid, {}, ""},
-        enough{"10 % of the force", Symbol::none, Stroke::dashed, {}, "#1b1f24"};
+    Figure::Series median{"half of the contacts are better", Symbol::circle, Stroke::solid},
+        ninety{"nine of ten are better", Symbol::square, Stroke::solid},
+        enough{"10 % of the force", Symbol::none, Stroke::dashed, {}, kInk};
     std::size_t chosen = 0;
     for (std::size_t i = 0; i < points.size(); ++i) {
         // The whole map contains all points, so no point is left to test it.

@@ -128,8 +128,8 @@ Cost measure(const CostSetup& setup) {
                              error<double>(*twice, &D::by_rbf, *exact, &L::by_rbf)};
     Cost cost;
     cost.columns = {"kernel", "bytes_a_number", "ns", "error_of_full_scale"};
-    Figure::Series in_float{"float", Symbol::ring, Stroke::none, {}, ""},
-        in_double{"double, as the product", Symbol::circle, Stroke::none, {}, ""};
+    Figure::Series in_float{"float", Symbol::ring, Stroke::none},
+        in_double{"double, as the product", Symbol::circle, Stroke::none};
     const char* names[] = {"matrix", "quadratic", "rbf of 104 centres"};
     double saved_ns = 0, worst_float = 0, worst_double = 0;
     for (std::size_t k = 0; k < 6; ++k) {

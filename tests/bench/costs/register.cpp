@@ -35,9 +35,9 @@ Cost measure(const CostSetup& setup) {
     std::uniform_real_distribution<double> uniform(0, 1);
     Cost cost;
     cost.columns = {"register", "words", "force_N", "worst_error_N", "saturated_share"};
-    Figure::Series whole{"int16 of 0.01 N, one register", Symbol::circle, Stroke::solid, {}, ""},
-        beyond{"the same, saturated", Symbol::cross, Stroke::none, {}, "#1f5fa8"},
-        single{"float32, two registers", Symbol::square, Stroke::solid, {}, ""};
+    Figure::Series whole{"int16 of 0.01 N, one register", Symbol::circle, Stroke::solid},
+        beyond{"the same, saturated", Symbol::cross, Stroke::none, {}, kBlue},
+        single{"float32, two registers", Symbol::square, Stroke::solid};
     double largest_good_N = 0, worst_inside_N = 0, float_there_N = 0;
     // Two steps a decade, forces between one and the next; the last of a register is one of its own.
     std::vector<double> ends_N;

@@ -179,7 +179,7 @@ Cost measure(const CostSetup& setup) {
         auto series = std::find_if(cost.figure.series.begin(), cost.figure.series.end(),
                                    [&, &n = name](const auto& s) { return s.name == n; });
         if (series == cost.figure.series.end())
-            series = cost.figure.series.insert(series, {name, symbols[cost.figure.series.size()], Stroke::solid, {}, ""});
+            series = cost.figure.series.insert(series, {name, symbols[cost.figure.series.size()], Stroke::solid});
         series->points.push_back({ns[k], std::max(max, kMinDrawn), steps > 0 ? fmt::format("{}", steps) : "search"});
         if (name == "map, from the last sample" && max <= kGood && std::isnan(min_steps_map))
             min_steps_map = steps, warm_ns = ns[k];
