@@ -9,7 +9,7 @@
 
 namespace tactiled {
 namespace {
-constexpr std::uint64_t kLookNs = 100'000'000;  // longest time for which a disconnected subscriber stays on the list
+constexpr std::uint64_t kLookNs = 100'000'000;  // maximum time for which a disconnected subscriber stays on the list
 }
 
 EventFanOut::~EventFanOut() {
@@ -32,7 +32,7 @@ int EventFanOut::subscribe(int connection) {
         ::close(ends[1]);
         return -1;
     }
-    const int min = 1;  // the kernel's minimum: a subscriber that does not read finds a few packets, not hundreds
+    const int min = 1;  // the kernel uses its minimum: at most a few packets wait for a subscriber
     ::setsockopt(ends[0], SOL_SOCKET, SO_SNDBUF, &min, sizeof min);
     subscribers_.push_back({ours, ends[0], 0});
     if (!started_) {
@@ -43,7 +43,7 @@ int EventFanOut::subscribe(int connection) {
 }
 
 void EventFanOut::run() noexcept {
-    while (!stop_.load()) {  // out of descriptors or memory: temporary
+    while (!stop_.load()) {  // repeats, because a lack of descriptors or memory is temporary
         std::string why;
         const Segment segment = Segment::try_open(node_name_, why);
         void* const wake = ::mmap(nullptr, sizeof(tactiled_wake), PROT_READ | PROT_WRITE, MAP_SHARED, wake_page_, 0);
@@ -74,7 +74,7 @@ void EventFanOut::follow(const Segment& segment, std::uint32_t* wake) noexcept {
     }
 }
 
-// A subscriber without room is notified with the next record: it still has an unread event.
+// A subscriber whose buffer is full still has an unread event; it is notified with the next record.
 void EventFanOut::tell(std::uint32_t news) noexcept {
     const std::lock_guard lock(mutex_);
     for (auto& s : subscribers_) {
@@ -88,7 +88,7 @@ bool EventFanOut::drop_disconnected() noexcept {
     const std::lock_guard lock(mutex_);
     const auto disconnected = [](const Subscriber& s) {
         pollfd p{s.connection, POLLIN, 0};
-        if (::poll(&p, 1, 0) != 1) return false;  // a subscriber sends nothing: an event means that it has ended
+        if (::poll(&p, 1, 0) != 1) return false;  // a subscriber sends no data, so an event is its end
         ::close(s.connection);
         ::close(s.event);
         return true;

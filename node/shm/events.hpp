@@ -1,10 +1,10 @@
-// Notifies programs that use epoll when the daemon has published. A separate thread sleeps on the segment like any
-// reader and notifies them, so the pipeline has the cost of at most one wake-up.
+// Notifies programs that use epoll when the daemon has published. A separate thread waits on the segment like any reader and
+// sends the notifications, so the cost for the pipeline is at most one wake-up.
 //
-// Each subscriber gets one end of a socket pair and reads it like an eventfd: 8 bytes, the number of node records. It
-// is not an eventfd, because the owner of an eventfd shares its file description with the daemon and could block the
-// daemon's next write() (clear O_NONBLOCK, fill the counter). The ends of a pair are two descriptions, and send()
-// with MSG_DONTWAIT does not depend on the flags of either.
+// Each subscriber gets one end of a socket pair and reads from it, as from an eventfd, the number of node records in 8
+// bytes. An eventfd is not used, because the subscriber would share its file description with the daemon and could block the
+// daemon's next write() (clear O_NONBLOCK, fill the counter). The ends of a pair have separate file descriptions, and send()
+// with MSG_DONTWAIT does not depend on the flags of either end.
 #pragma once
 #include <atomic>
 #include <mutex>
@@ -25,15 +25,15 @@ public:
     EventFanOut(const EventFanOut&) = delete;
     EventFanOut& operator=(const EventFanOut&) = delete;
 
-    // Returns the end to hand out, which the caller closes; -1 if there are too many subscribers or none is
-    // available. The subscription lasts until the other end of `connection` is closed; the caller keeps `connection`
-    // and this object a duplicate, so that neither closes a descriptor of the other.
+    // Returns the end for the subscriber, which the caller closes; -1 if there are too many subscribers or no socket pair is
+    // available. The subscription lasts until the other end of `connection` is closed. This object keeps a duplicate of
+    // `connection`; the caller keeps and closes `connection`.
     int subscribe(int connection);
 
 private:
     struct Subscriber {
         int connection, event;
-        std::uint64_t news;  // node records that were not reported to it yet
+        std::uint64_t news;  // number of node records that are not reported yet
     };
     void run() noexcept;
     void follow(const Segment& segment, std::uint32_t* wake) noexcept;
@@ -42,7 +42,7 @@ private:
 
     std::string node_name_;
     int wake_page_;
-    std::mutex mutex_;  // guards the list
+    std::mutex mutex_;  // guards the list of subscribers
     std::vector<Subscriber> subscribers_;
     std::atomic<bool> stop_{false};
     bool started_ = false;

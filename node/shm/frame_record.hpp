@@ -22,7 +22,7 @@ static_assert(offsetof(Frame, has_sequence) - kPublishedFrom == offsetof(tactile
 static_assert(offsetof(Frame, channel) - kPublishedFrom == offsetof(tactiled_frame, channel));
 static_assert(sizeof(bool) == 1 && kMaxChannels == TACTILED_MAX_CHANNELS);
 
-// Returns the record and its size: a multiple of 8, without the channels that the frame does not have. rt: wait-free
+// Returns the record and its size, a multiple of 8 without the unused channels. rt: wait-free
 inline const void* published_part(const Frame& frame) noexcept {
     return reinterpret_cast<const char*>(&frame) + kPublishedFrom;
 }

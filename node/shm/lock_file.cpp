@@ -42,7 +42,7 @@ LockFile::State LockFile::take(int patience_ms) {
 
 LockFile::~LockFile() {
     if (fd_ < 0) return;
-    // while the lock is held: a waiting process finds the file without a name and opens it again
+    // unlinked while the lock is held, so that a waiting process detects the missing name and opens the file again
     ::unlink(path_.c_str());
     ::close(fd_);
 }

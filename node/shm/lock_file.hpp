@@ -1,21 +1,21 @@
-// A lock that ends with its process, on an empty file of its own.
+// A lock on an empty file that the kernel releases when the process ends.
 #pragma once
 #include <string>
 
 namespace tactiled {
 
-// Takes an open-file-description lock for writing on the whole file; the kernel releases it with the last descriptor.
+// Takes an open-file-description lock for writing on the whole file. The kernel releases the lock with the last descriptor.
 bool lock(int fd);
 // Returns true if the path still names the open file.
 bool is_still_named(int fd, const std::string& path);
 
-// Holds the lock `path` until its end and then removes the file. A file that a killed process left is taken over.
+// Holds the lock on `path` during its lifetime and then removes the file. The file of a killed process is taken over.
 class LockFile {
 public:
     enum class State {
         held,
-        busy,    // another process holds it
-        foreign  // another user's file, or no file: without information, and no lock is held
+        busy,    // another process holds the lock
+        foreign  // the file belongs to another user or cannot be created: no lock is held, and other holders are unknown
     };
     explicit LockFile(std::string path) : path_(std::move(path)) {}
     ~LockFile();

@@ -1,4 +1,4 @@
-// One record into one ring, as tactiled/layout.h describes it. The writer's half of tactiled_ring_read().
+// Publishes one record in a ring of tactiled/layout.h: the writer's counterpart of tactiled_ring_read().
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -8,12 +8,12 @@
 
 namespace tactiled {
 
-// Writes record number `number` (they count up by one) of `size` bytes, a multiple of 8, into `ring` of the segment at
-// `base`.
+// Writes record `number` of `size` bytes, a multiple of 8, into `ring` of the segment at `base`. Successive numbers differ
+// by 1.
 // rt: wait-free
 inline void publish_record(char* base, const tactiled_ring& ring, std::uint64_t number, const void* record,
                            std::size_t size) noexcept {
-#if defined(__SANITIZE_THREAD__)  // thread sanitizer does not model fences: the stores order themselves
+#if defined(__SANITIZE_THREAD__)  // thread sanitizer does not model fences, so the stores have release order
     constexpr int kStore = __ATOMIC_RELEASE;
 #else
     constexpr int kStore = __ATOMIC_RELAXED;
@@ -27,7 +27,7 @@ inline void publish_record(char* base, const tactiled_ring& ring, std::uint64_t 
     __atomic_store_n(lock_word, whole - 1, __ATOMIC_RELAXED);
     // sets the lock odd before any word is written: pairs with the reader's acquire fence
     __atomic_thread_fence(__ATOMIC_RELEASE);
-    for (std::size_t i = size / 8; i-- > 0;) {  // writes the line of the lock last, because readers wait on it
+    for (std::size_t i = size / 8; i-- > 0;) {  // writes the lock's cache line last, because readers poll it
         std::uint64_t word;
         std::memcpy(&word, static_cast<const char*>(record) + 8 * i, 8);
         __atomic_store_n(words + i, word, kStore);
@@ -35,7 +35,7 @@ inline void publish_record(char* base, const tactiled_ring& ring, std::uint64_t 
     __atomic_store_n(lock_word, whole, __ATOMIC_RELEASE);  // pairs with the reader's acquire of the lock
     auto* head = reinterpret_cast<std::uint32_t*>(base + ring.head_offset);
     __atomic_store_n(head, std::uint32_t(number + 1), __ATOMIC_RELEASE);
-    // Opens the next slot now: its line is fetched for writing before it is needed at the next publish.
+    // Marks the next slot as being written, so that its cache line is fetched before the next publish.
     __atomic_store_n(reinterpret_cast<std::uint32_t*>(slot(number + 1)), std::uint32_t(2 * number + 3), __ATOMIC_RELAXED);
 }
 

@@ -1,5 +1,5 @@
-// Wakes the readers that sleep until the next node record, with a cost for the real-time thread that does not depend
-// on their number.
+// Wakes the readers that sleep until the next node record. The cost for the real-time thread does not depend on the number
+// of readers.
 #pragma once
 #include <atomic>
 
@@ -12,9 +12,8 @@ class Waker {
 public:
     explicit Waker(SegmentWriter& segment) : segment_(segment) {}
 
-    // Announces a published node record. Wakes up to kDirect readers; if more may sleep, they are left to the thread
-    // of run(). Called by the runner of the pipeline. rt: at most two system calls, which wake at most kDirect
-    // readers
+    // Announces a published node record. Wakes up to kDirect readers; if more readers may sleep, the thread of run() wakes
+    // them. Called by the runner of the pipeline. rt: at most two system calls, which wake at most kDirect readers
     void published() noexcept {
         if (!many_.load(std::memory_order_relaxed)) {
             if (segment_.wake_readers(kDirect) < kDirect) return;
@@ -23,7 +22,7 @@ public:
         word_.wake();
     }
 
-    // Wakes the others, in the thread that calls it, until stop() is called.
+    // Wakes the remaining readers until stop() is called, in the calling thread.
     void run() noexcept;
     void stop() noexcept {
         stop_.store(true, std::memory_order_relaxed);
@@ -31,9 +30,9 @@ public:
     }
 
 private:
-    static constexpr int kDirect = 2;      // the usual reader, and the thread that serves epoll (events.hpp)
-    static constexpr int kAtOnce = 8;      // readers per system call, in which the kernel may not be preempted
-    static constexpr int kPerPass = 4096;  // limit of readers per pass: those that sleep again are woken again
+    static constexpr int kDirect = 2;      // one reader, and the thread for epoll (events.hpp)
+    static constexpr int kAtOnce = 8;      // readers per system call, during which the kernel may not be preempted
+    static constexpr int kPerPass = 4096;  // limit of readers per pass, because readers that sleep again are woken again
 
     SegmentWriter& segment_;
     std::atomic<bool> many_{false};  // more than kDirect readers slept when they were last counted

@@ -45,12 +45,12 @@ std::string boot_id() {
     return text;
 }
 
-constexpr std::uint32_t kNodeRecords = 64;  // only the newest are read: 16 ms of a 4 kHz loop
+constexpr std::uint32_t kNodeRecords = 64;  // 16 ms of a 4 kHz loop; readers use only the newest records
 constexpr std::size_t kPreferredSize = 1'000'000;
 constexpr std::uint32_t kMaxHistory = 1024, kMinHistory = 64;
 
-// Returns the number of frames that fit into another MB: a recorder may stop for 1 s at 1 kHz of one or two links,
-// 0.13 s of sixteen.
+// Returns the number of frames per link, so that the frames of all links need at most 1 MB. At 1 kHz a recorder may pause
+// for 1 s with one or two links, and for 0.13 s with sixteen.
 std::uint32_t frames_of(const SegmentPlan& plan) {
     std::uint32_t frames = kMaxHistory;
     while (frames > kMinHistory &&
@@ -59,10 +59,10 @@ std::uint32_t frames_of(const SegmentPlan& plan) {
     return frames;
 }
 
-// A record that no [tool] fills ends before it, as that of an older daemon.
+// Without [tool] the record ends before the tool, as in a version 1.6 segment.
 std::size_t node_size_of(const SegmentPlan& plan) { return plan.tool ? sizeof(tactiled_node) : TACTILED_NODE_SIZE_1_6; }
 
-// A recording takes each of those that have a tool: 64 ms of a 4 kHz loop.
+// More records with [tool], because a recording reads all of them: 64 ms of a 4 kHz loop.
 std::uint32_t node_records_of(const SegmentPlan& plan) { return plan.tool ? 4 * kNodeRecords : kNodeRecords; }
 
 // Returns the size without the rings of frames.
@@ -91,9 +91,8 @@ int make_wake_page() {
     return fd;
 }
 
-// Returns true if a process holds a writer's lock. A reader can lock, too, but only for reading, which shows nothing
-// and blocks nothing. The lock is queried and not tried: a trial would make the dead writer seem alive to another
-// starting process.
+// Returns true if a process holds a lock for writing, which a reader cannot take. The lock is queried and not taken, because
+// taking it would make a dead writer seem alive to another starting process.
 bool is_write_locked(int fd) {
     struct flock whole {};
     whole.l_type = F_RDLCK;
@@ -103,8 +102,8 @@ bool is_write_locked(int fd) {
 
 constexpr int kPatienceMs = 2'000;  // a start takes milliseconds
 
-// Marks the file of a dead daemon as final for its readers, removes its name, and returns its epoch. nullopt if there
-// is no file of that name.
+// Marks the file of a dead daemon as replaced for its readers, removes its name, and returns its epoch; nullopt if there is
+// no file of that name.
 std::optional<std::uint32_t> retire_predecessor(const std::string& path) {
     const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
     if (fd < 0 && errno == ENOENT) return std::nullopt;
@@ -121,7 +120,7 @@ std::optional<std::uint32_t> retire_predecessor(const std::string& path) {
     tactiled_header old{};
     const bool whole = ::pread(fd, &old, sizeof old, 0) == ssize_t(sizeof old) &&
                        std::memcmp(old.magic, TACTILED_MAGIC, sizeof old.magic) == 0;
-    if (is_write_locked(fd)) {  // by the writer that `old` names: it locks the file before it names it
+    if (is_write_locked(fd)) {  // the writer is `old.pid`, because a writer locks the file before it gives it a name
         ::close(fd);
         throw SetupError(fmt::format("{}: another daemon of this name runs, pid {}", path, whole ? old.pid : 0));
     }
@@ -129,7 +128,8 @@ std::optional<std::uint32_t> retire_predecessor(const std::string& path) {
         const std::uint32_t replaced = TACTILED_REPLACED;
         [[maybe_unused]] const auto written = ::pwrite(fd, &replaced, sizeof replaced, offsetof(tactiled_header, state));
     }
-    ::unlink(path.c_str());  // the writer is dead and this process holds the lock: no other process can have replaced it
+    ::unlink(path.c_str());  // the writer is dead and this process holds the start lock, so no other process has replaced
+                             // the file
     ::close(fd);
     return whole ? old.epoch : 0;
 }
@@ -154,15 +154,13 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
     // reader.h.
     ::syscall(SYS_membarrier, MEMBARRIER_CMD_REGISTER_GLOBAL_EXPEDITED, 0, 0);
 
-    // Differs from every earlier start's epoch, also if a clean end left no file to count on from: units of 17 ms
-    // since boot.
+    // The time since boot in units of 17 ms differs from the epoch of each earlier start, also if a clean end left no file.
     timespec now{};
     ::clock_gettime(CLOCK_BOOTTIME, &now);
     auto epoch = std::uint32_t((std::uint64_t(now.tv_sec) * 1'000'000'000u + std::uint64_t(now.tv_nsec)) >> 24);
-    // Held from reading the old file until the new one has its name, so that several starting daemons do this one
-    // after the other. The lock of the segment cannot do that, because a reader may hold a lock on it. Only in
-    // /dev/shm can another user have put a file of that name there; then two daemons of one name that start at the
-    // same time are not excluded.
+    // Held from reading the old file until the new file has its name, to serialise daemons that start at the same time. The
+    // lock of the segment is not suitable, because a reader may hold a lock on that file. In /dev/shm another user can
+    // create the file of this lock; two daemons of one name that start at the same time are then not serialised.
     LockFile start(fmt::format("{}/.tactiled.{}", folder, plan.name));
     if (start.take(kPatienceMs) == LockFile::State::busy) {
         give_back();
@@ -173,7 +171,7 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
         if (fd_ < 0) {
             fd_ = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
             if (fd_ < 0) throw fail("cannot create");  // EOPNOTSUPP: a file system without unnamed files
-            // Not ftruncate: that succeeds on a full file system and the first write is a SIGBUS.
+            // ftruncate would succeed on a full file system, and the first write would raise SIGBUS.
             if (const int error = ::posix_fallocate(fd_, 0, off_t(size_))) {
                 errno = error;
                 throw fail("no room for the segment");
@@ -184,7 +182,7 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
             lay_out(plan, epoch + 1);
             if (!plan.group.empty()) {
                 const group* found = ::getgrnam(plan.group.c_str());
-                struct stat made {};  // a sandbox may forbid fchown: not called if the group is right already
+                struct stat made {};  // fchown, which a sandbox may forbid, is called only if the group differs
                 if (found == nullptr) errno = ENOENT;  // getgrnam() leaves errno unchanged
                 if (found == nullptr || ::fstat(fd_, &made) != 0 ||
                     (made.st_gid != found->gr_gid && ::fchown(fd_, uid_t(-1), found->gr_gid) != 0))
@@ -247,7 +245,7 @@ void SegmentWriter::lay_out(const SegmentPlan& plan, std::uint32_t epoch) {
         r.slots = slots;
         r.head_offset = take(4);
         r.offset = take(std::uint64_t(r.slot_size) * r.slots);
-        for (std::uint32_t i = 0; i < r.slots; ++i)  // odd: never written, not readable
+        for (std::uint32_t i = 0; i < r.slots; ++i)  // odd: not readable, because never written
             *reinterpret_cast<std::uint32_t*>(base_ + r.offset + std::size_t(i) * r.slot_size) = 1;
         return r;
     };
@@ -337,7 +335,7 @@ void SegmentWriter::set_freshness(std::uint32_t index, std::uint32_t freshness) 
 }
 
 void SegmentWriter::withdraw_control() noexcept {
-    __atomic_store_n(&header().control[0], '\0', __ATOMIC_RELAXED);  // the others stay: a reader may be copying them
+    __atomic_store_n(&header().control[0], '\0', __ATOMIC_RELAXED);  // the rest stays: a reader may be copying it
 }
 
 void SegmentWriter::set_link_state(std::uint32_t index, tactiled_link_state state) noexcept {

@@ -1,5 +1,5 @@
-// Creates and fills the segment that tactiled/layout.h describes. There is one writer and any number of readers,
-// which cannot modify it.
+// Creates and fills the segment that tactiled/layout.h describes. There is one writer, and any number of readers, which
+// cannot modify the segment.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -17,9 +17,9 @@ struct SegmentPlan {
     std::string name;
     std::string version;
     std::string control;  // path of the control socket, "" = none
-    std::string group;    // "" = the daemon's own
+    std::string group;    // "" = the group of the daemon
     std::uint32_t watchdog_ms = 250;
-    // slots per sensor, a power of two; 0: as many, up to 1024, as keep the segment within 1 MB
+    // slots per sensor, a power of two; 0: the maximum up to 1024 with which the segment has at most 1 MB
     std::uint32_t history = 0;
     std::uint32_t calibration_id = 0;
     bool tool = false;  // the node records have a tool
@@ -27,14 +27,12 @@ struct SegmentPlan {
     std::vector<tactiled_link> links;
 };
 
-// The file tactiled.NAME in runtime_folder(), which belongs to this daemon's name, user and boot. The file of an
-// earlier daemon is taken over if its lock is free.
+// The file tactiled.NAME in runtime_folder(). The file of an earlier daemon is replaced if its lock is free.
 class SegmentWriter {
 public:
-    // Creates the file without a name (O_TMPFILE), fills it, locks it, and only then gives it its name: no reader
-    // sees an incomplete segment, and a kill at any moment needs no cleanup. setup: throws SetupError where another
-    // daemon of that name runs (with its pid) or is starting, the name belongs to another user, or there is no room
-    // or no folder
+    // Creates the file without a name (O_TMPFILE), fills and locks the file, and then gives it its name. Readers therefore
+    // see no incomplete segment, and a kill at any moment needs no cleanup. setup: throws SetupError where another daemon of
+    // that name runs (with its pid) or is starting, the name belongs to another user, or there is no room or no folder
     explicit SegmentWriter(const SegmentPlan& plan);
     // Marks the segment as stopped for the readers and removes the name.
     ~SegmentWriter();
@@ -49,23 +47,22 @@ public:
     void publish(std::uint32_t index, const tactiled_sample& sample) noexcept;
     // Publishes the next frame of link `index`, number `number` from 0. rt: wait-free
     void publish(std::uint32_t index, std::uint64_t number, const Frame& frame) noexcept;
-    // Publishes the next node record; call it after publishing the samples that it counts. rt: wait-free
+    // Publishes the next node record, after the samples that the record counts. rt: wait-free
     void publish(const tactiled_node& node) noexcept;
 
     // Counts the lateness of a wake-up of the loop. rt: wait-free
     void count_lateness(std::uint64_t late_ns) noexcept;
 
-    // Replaces the directory entry of sensor `index`; name, model, link, stale_ms and ring are kept. Between begin
-    // and end, which also takes the new CAL_ID. rt: wait-free
+    // set_sensor() replaces the directory entry of sensor `index`, except name, model, link, stale_ms and ring. Call it
+    // between begin_reload() and end_reload(), which also sets the new CAL_ID. rt: wait-free
     void begin_reload() noexcept;
     void set_sensor(std::uint32_t index, const tactiled_sensor& entry) noexcept;
     void end_reload(std::uint32_t calibration_id) noexcept;
 
     // Wakes at most `max` of the readers that sleep until the next node record, and returns their number.
-    // rt: no system call where no reader has asked to be woken, else one, whose time grows with `max`
+    // rt: no system call if no reader has requested a wake-up, else one, whose time grows with `max`
     int wake_readers(int max) noexcept;
-    // Returns the page in which readers request their wake-up (struct tactiled_wake), to be handed to them; it is
-    // sealed and cannot shrink.
+    // Returns the page in which readers request their wake-up (struct tactiled_wake). The page is sealed and cannot shrink.
     [[nodiscard]] int wake_page() const noexcept { return wake_fd_; }
 
     // Counts the reasons of one sample of sensor `index`. From the thread that publishes it. rt: bounded by the
@@ -73,7 +70,7 @@ public:
     void count_reasons(std::uint32_t index, std::uint32_t reasons) noexcept;
     // Sets how the age of the sensor's samples is proved. From the thread that publishes them. rt: wait-free
     void set_freshness(std::uint32_t index, std::uint32_t freshness) noexcept;
-    // Withdraws the path of the control socket, which another program may have taken. rt: wait-free
+    // Removes the path of the control socket from the header, because another program may use that path. rt: wait-free
     void withdraw_control() noexcept;
     // Set a link's state and counters. Each word has one writer. rt: wait-free
     void set_link_state(std::uint32_t index, tactiled_link_state state) noexcept;
