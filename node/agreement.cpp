@@ -5,8 +5,8 @@
 namespace tactiled {
 namespace {
 
-// Reasons that show that this sensor was the wrong one. Saturation is not among them: a force that is too large for
-// one sensor does not show an error of the other.
+// Reasons that show which of two sensors is faulty. Saturation does not show a fault: the force may be too large for one
+// sensor only.
 constexpr std::uint32_t kCulprit =
     TACTILED_FROZEN | TACTILED_IDLE_BUS | TACTILED_MISSING_CHANNEL | TACTILED_NOT_FINITE | TACTILED_WRONG_DEVICE;
 
@@ -21,8 +21,8 @@ void Agreement::succeed(const Agreement& before) noexcept {
     if (other() == before.other()) differs_ = before.differs_;
 }
 
-// Returns true if the condition has lasted since `since_ns` for as long as the patience; the first time, or a time
-// that goes back, restarts it.
+// Returns true if the condition has lasted since `since_ns` for the patience. The measurement restarts if `since_ns` is 0 or
+// later than `now_ns`.
 bool Agreement::has_lasted(std::uint64_t& since_ns, std::uint64_t now_ns) const noexcept {
     if (since_ns == 0 || now_ns < since_ns) since_ns = now_ns;
     return now_ns - since_ns >= patience_ns();
@@ -35,7 +35,7 @@ bool Agreement::compare(const tactiled_sample& mine, const tactiled_sample& othe
         differs_ = false;
     const std::uint64_t between_ns = mine.t_ns > others.t_ns ? mine.t_ns - others.t_ns : others.t_ns - mine.t_ns;
     if (!is_comparable(mine) || !is_comparable(others) || between_ns > patience_ns()) return differs_;
-    if (mine.t_ns - compared_ns_ > patience_ns()) otherwise_since_ns_ = 0;  // a gap separates these times
+    if (mine.t_ns - compared_ns_ > patience_ns()) otherwise_since_ns_ = 0;  // a gap restarts the time
     compared_ns_ = mine.t_ns;
     double squares = 0;  // sum over the components that both sensors measure
     for (std::size_t i = 0; i < 3; ++i) {

@@ -1,4 +1,5 @@
-// A command of the PLC or of a local user. The pipeline carries it out (commands.hpp); the node record acknowledges it.
+// A command of the PLC or of a local user. The pipeline executes the command (commands.hpp); the node record acknowledges
+// it.
 #pragma once
 #include <cstdint>
 #include <span>
@@ -30,7 +31,7 @@ struct Command {
         known_weight = 9,
         clear_slips = 10,
         objects = 11,
-        // Settings, which are not acknowledged:
+        // settings and robot data, which are not acknowledged:
         set = 100,
         hint = 101,
         gravity = 102,
@@ -40,7 +41,7 @@ struct Command {
     std::uint32_t mask = 0;               // bit n: sensor n
     std::uint32_t number = 0;             // reported as tactiled_command.acknowledged
     SensorSettable settable{};            // argument of `set`
-    std::uint64_t until_ns = UINT64_MAX;  // the sender gives up at that time
+    std::uint64_t until_ns = UINT64_MAX;  // the command is rejected after this time
     GraspSettable grasp{};                // argument of `set`
     double mass_kg = 0;                   // argument of `known_weight`
     grasp::Hint gripper{};                // argument of `hint`

@@ -1,4 +1,4 @@
-// The ring through which one commander hands its commands to the pipeline.
+// The ring through which one commander sends its commands to the pipeline.
 #pragma once
 #include <cstddef>
 

@@ -95,7 +95,7 @@ bool Commands::all_have_values(std::uint32_t mask) const noexcept {
 
 void Commands::follow_tares(NodeRecord& record, std::uint64_t now_ns) noexcept {
     if (!tares_.poll(now_ns)) return;
-    if (record.acknowledged(tare_commander_) != tare_number_) return;  // a later command has the place in the record
+    if (record.acknowledged(tare_commander_) != tare_number_) return;  // a later command has replaced it in the record
     record.acknowledge(
         tare_commander_,
         {tare_number_, tares_.was_refused() ? TACTILED_COMMAND_REJECTED : TACTILED_COMMAND_DONE, tares_.result()});

@@ -1,4 +1,4 @@
-// Carries out the commands of the PLC and of local users. The node record acknowledges each command.
+// Executes the commands of the PLC and of local users. The node record acknowledges each command.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -15,14 +15,14 @@ namespace tactiled {
 
 class Commands {
 public:
-    // `wake`: wakes the thread that carries the commands out.
+    // `wake`: wakes the thread that executes the commands.
     Commands(std::vector<Sensor>& sensors, WakeWord& wake)
         : sensors_(sensors), rings_{CommandRing{16, &wake}, CommandRing{16, &wake}}, tares_(sensors) {}
 
     // The ring of one commander (enum tactiled_commander). A ring has one producer: each commander is one thread.
     [[nodiscard]] CommandRing& operator[](std::size_t commander) noexcept { return rings_[commander]; }
 
-    // Carries out the waiting commands, in the order of the commanders. rt: bounded by the capacity of the rings
+    // Executes the waiting commands, in the order of the commanders. rt: bounded by the capacity of the rings
     void carry_out(Grasping& grasping, NodeRecord& record, std::uint64_t now_ns) noexcept;
     // Acknowledges the running tare when its last sensor has finished. rt: bounded by the number of sensors
     void follow_tares(NodeRecord& record, std::uint64_t now_ns) noexcept;
@@ -44,8 +44,8 @@ private:
     std::vector<Sensor>& sensors_;
     std::array<CommandRing, TACTILED_COMMANDERS> rings_;
     Tares tares_;
-    std::size_t tare_commander_ = 0;  // the commander of the last tare,
-    std::uint32_t tare_number_ = 0;   // and the number of its command
+    std::size_t tare_commander_ = 0;  // commander of the last tare
+    std::uint32_t tare_number_ = 0;   // number of that command
 };
 
 }  // namespace tactiled

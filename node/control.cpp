@@ -25,8 +25,8 @@
 namespace tactiled {
 namespace {
 
-constexpr int kLookMs = 1000;      // between two looks for refused tares
-constexpr int kPatienceMs = 100;   // with a client, and without descriptors
+constexpr int kLookMs = 1000;      // interval of the check for refused tares
+constexpr int kPatienceMs = 100;   // wait for a client's request, and pause if no descriptor is available
 constexpr int kAnswerMs = 15'000;  // longer than the longest tare
 constexpr std::uint64_t kLogEachNs = 10'000'000'000;
 
@@ -39,13 +39,13 @@ void answer(int client, std::string_view text) {
     [[maybe_unused]] const auto sent = ::send(client, text.data(), text.size(), MSG_NOSIGNAL);
 }
 
-// Returns true if the client has closed its end; one that has only ended its writing still waits for the answer.
+// Returns true if the client has closed its end. A client that has only shut down writing still waits for the answer.
 bool has_hung_up(int client) {
     pollfd p{client, 0, 0};
     return ::poll(&p, 1, 0) == 1 && (p.revents & (POLLHUP | POLLERR)) != 0;
 }
 
-// Returns the command of NODE weigh for its word.
+// Returns the command for the argument of NODE weigh; nothing if the argument is invalid.
 std::optional<Command> weigh_command(const std::string& word) {
     Command command;
     char* end = nullptr;
@@ -98,8 +98,8 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
     std::error_code ignored;
     std::filesystem::create_directories(std::filesystem::path(path).parent_path(), ignored);
     std::string unused;
-    // The name of the node belongs to this daemon, but another node may have been given this path. A daemon without
-    // the lock is an older one, or another user has put a file in the place of the lock.
+    // The name of the node belongs to this daemon, but the configuration of another node may have the same path. The request
+    // finds a daemon without the lock: an older version, or a daemon whose lock file is a file of another user.
     if (lock_.take(0) == LockFile::State::busy || !ask_daemon(path, "?", kPatienceMs, unused).empty())
         throw SetupError(
             fmt::format("control socket {}: another daemon uses it; give each daemon its own [node] control", path));
@@ -129,7 +129,7 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
 
 ControlSocket::~ControlSocket() {
     stop_.store(true);
-    ::shutdown(listener_, SHUT_RDWR);  // ends the wait of the thread
+    ::shutdown(listener_, SHUT_RDWR);  // ends poll() in the thread
     thread_.join();
     if (asker_ >= 0) ::close(asker_);
     ::close(listener_);
@@ -146,7 +146,7 @@ void ControlSocket::serve() noexcept {
         const int client = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
         if (client >= 0) try {
                 take(client);
-            } catch (const std::exception&) { ::close(client); }  // no memory: the request is not answered
+            } catch (const std::exception&) { ::close(client); }  // no memory: the client gets no answer
         else
             sleep_until(monotonic_ns() + std::uint64_t(kPatienceMs) * 1'000'000u);  // out of descriptors: avoids a busy loop
     }
@@ -156,7 +156,7 @@ void ControlSocket::serve() noexcept {
 void ControlSocket::take(int client) {
     char request[128];
     const ssize_t size = wait_readable(client, kPatienceMs) ? ::recv(client, request, sizeof request, 0) : 0;
-    if (has_hung_up(client)) {  // it has given up, for example because this process was stopped: the command is not wanted
+    if (has_hung_up(client)) {  // the client has given up, for example because this process was stopped
         ::close(client);
         return;
     }

@@ -2,12 +2,12 @@
 // mode, 0660, decides who may connect.
 //
 //     request   NODE tare MASK | NODE untare MASK | NODE clear    MASK: bit n = sensor n, decimal or 0x...
-//               NODE weigh start | NODE weigh stop | NODE weigh zero | NODE weigh KILOGRAMS: what hangs now weighs this
-//               NODE teach NAME       the weight that hangs now is one more grasp of that object
-//               NODE load-objects     the file of taught objects is read again, all of it or, with an error, nothing
-//     answer    STATE RESULT          enum tactiled_command_state and _result, decimal, of teach and load-objects perhaps
-//     with a reason
-//                                     after them; a tare answers when it is done
+//               NODE weigh start | NODE weigh stop | NODE weigh zero
+//               NODE weigh KILOGRAMS | NODE weigh forget   the known mass on the jaws sets the scale; forgets the scale
+//               NODE teach NAME       the weight on the jaws is one more grasp of that object
+//               NODE load-objects     reads the file of taught objects again; nothing changes if the file has an error
+//     answer    STATE RESULT          enum tactiled_command_state and _result, decimal; a tare answers when it has ended
+//               STATE RESULT REASON   of a rejected teach or load-objects
 //     request   NODE objects-file
 //     answer    its path, "-" = no [grasp]
 //     request   NODE config-file
@@ -31,9 +31,8 @@ namespace tactiled {
 
 class ControlSocket {
 public:
-    // Replaces a socket that a dead daemon left. The lock of PATH.lock shows whether its daemon lives, even if that
-    // daemon is stopped and cannot answer. setup: throws SetupError where `path` cannot be bound, or is another
-    // daemon's
+    // Replaces the socket of a dead daemon. A daemon that lives holds the lock PATH.lock, even if it is stopped and cannot
+    // answer. setup: throws SetupError where `path` cannot be bound, or belongs to another daemon
     ControlSocket(const std::string& path, const std::string& group, const std::string& node_name,
                   const SegmentWriter& segment, const std::string& objects_path, CommandRing& commands,
                   std::string config_path = "");

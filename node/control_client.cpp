@@ -25,7 +25,7 @@ bool wait_readable(int fd, int timeout_ms) {
 std::string ask_daemon(const std::string& path, const std::string& request, int timeout_ms, std::string& why) {
     const int fd = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
     const sockaddr_un address = address_of(path);
-    // limits connect(): the queue of a hung daemon is full
+    // limits connect(), which blocks if the daemon hangs and its queue is full
     const timeval limit{timeout_ms / 1000, timeout_ms % 1000 * 1000L};
     ::setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof limit);
     std::string reply;

@@ -8,8 +8,8 @@ namespace tactiled {
 namespace {
 
 constexpr std::uint64_t kMs = 1'000'000;
-constexpr std::uint64_t kCycleNs = 2 * kMs;  // the input filters of a PLC take 3 ms and more
-// detects a chip that was removed, and a line that another program has set
+constexpr std::uint64_t kCycleNs = 2 * kMs;  // shorter than the input filters of PLCs, 3 ms and more
+// repeated to detect a removed chip, and to correct a line that another program has set
 constexpr std::uint64_t kSetAgainNs = 100 * kMs;
 constexpr std::uint64_t kLookAgainNs = 100 * kMs;  // retry interval if there is no segment
 constexpr std::uint64_t kRepeatNs = 10'000 * kMs;  // minimum interval between equal log lines

@@ -1,5 +1,5 @@
-// The thread that mirrors the node on GPIO lines, for a machine without a PLC. It reads shared memory like any reader
-// and could be a process of its own.
+// The thread that shows the state of the node on GPIO lines, for a machine without a PLC. The thread reads shared memory
+// like any other reader.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -14,13 +14,13 @@
 
 namespace tactiled {
 
-// States of the lines; true is the meaning, not the level.
+// States of the lines. True means that the condition is present; the level of the line may be inverted.
 struct GpioSigns {
     bool fault = true, grasped = false, slip = false, alive = false;
     bool operator==(const GpioSigns&) const = default;
 };
 
-// Converts a node record to signs. Without a fresh record every sign shows a fault.
+// Converts a node record to signs. Without a fresh record the signs show a fault.
 class GpioJudge {
 public:
     GpioJudge(int slip_ms) noexcept : slip_ns_(std::uint64_t(slip_ms) * 1'000'000u) {}
@@ -35,8 +35,8 @@ private:
 
 class GpioOutputs {
 public:
-    // Starts the thread. A line that is not available does not block the others, and is requested again, at most each
-    // second.
+    // Starts the thread. A line that is not available does not block the others; it is requested again, at first after 50
+    // ms, later each second.
     // setup: throws SetupError where no thread can be made
     GpioOutputs(std::string node_name, const GpioSettings& settings);
     // Shows a fault, then releases the lines.
@@ -54,7 +54,7 @@ private:
         const char* key;  // key of [gpio]
         std::string name;
         bool GpioSigns::*sign;
-        bool high_means;  // meaning of a high level
+        bool high_means;  // value of the sign at a high level
         GpioOutput output{};
         bool driven = false;
         LastLogged logged_refused{};
@@ -63,10 +63,9 @@ private:
     void run() noexcept;
     void cycle(std::uint64_t now_ns);
     GpioSigns look(std::uint64_t now_ns);
-    // Opens the lines that are not driven, in the order of the file's keys, with fault first. Returns true if one
-    // more is driven.
+    // Opens the lines that are not driven, fault first. Returns true if at least one was opened.
     bool open_missing();
-    // Sets the driven lines. Returns false if one of them was removed: it is then no longer driven.
+    // Sets the driven lines. Returns false if a line was removed; that line is then no longer driven.
     bool set_driven();
     [[nodiscard]] std::size_t driven() const noexcept;
     static void log_unless_repeated(LastLogged& last, LogLevel level, const std::string& text);

@@ -50,17 +50,17 @@ void Grasping::observe(std::uint32_t sensor, const tactiled_sample& s, const Wre
     if (method != 0) methods_seen_[sensor] = method;
     const bool another_method = method != 0 && before != 0 && method != before;
     if (s.tare_count != std::exchange(tares_seen_[sensor], s.tare_count) || another_method) {
-        // Forces before and after a new zero, or of two methods, are not comparable: their difference is not an event
-        // of the grasp.
+        // Forces before and after a new zero, or of two methods, are not comparable. The additional BAD sample separates
+        // them, so that their difference is not interpreted as an event of the grasp.
         grasp::JawSample moved = observed;
         moved.reasons |= TACTILED_TARING;
         moved.quality = tactiled_quality(tactiled_verdict(moved.reasons, false));
         estimator_->sample(std::size_t(jaw), moved);
     }
-    // The error of such a value is unknown, so no weight that is computed from it is stable.
+    // The error of such a value is unknown. With sd = NaN the weight computed from this value is not stable.
     const bool doubted = (s.reasons & ~std::uint32_t(TACTILED_REASONS_FOR_WEIGHT)) != 0;
     for (std::size_t i = 0; i < 3; ++i) {
-        observed.force_S_N[i] = s.raw_force_S_N[i] - zero_S[i];  // not the low-passed one: a slip lasts some ms
+        observed.force_S_N[i] = s.raw_force_S_N[i] - zero_S[i];  // without the low pass, because a slip lasts only some ms
         observed.sd_N[i] = doubted ? kNaN : s.sd_force_N[i];
     }
     estimator_->sample(std::size_t(jaw), observed);

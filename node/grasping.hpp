@@ -21,21 +21,21 @@ public:
         GraspSettable settable;
         std::vector<TaughtObject> objects;
     };
-    // Without a setup nothing is known and every command is refused. setup
+    // Without a setup the state is unknown and every command is refused. setup
     explicit Grasping(const std::optional<Setup>& setup, const std::optional<tool::Setup>& tool = {});
 
-    // Takes a sample of a sensor, including BAD ones; `zero_S` is what its tare subtracts. A sensor that is
-    // neither a jaw nor a part of the tool is ignored.
+    // Takes a sample of a sensor, also a BAD one; `zero_S` is the zero that its tare subtracts. A sensor that is neither a
+    // jaw nor a part of the tool is ignored.
     // rt: wait-free
     void observe(std::uint32_t sensor, const tactiled_sample& sample, const Wrench& zero_S) noexcept;
 
-    // Carries out a command for the grasp. Returns false if it is not possible now. rt: wait-free
+    // Executes a command for the grasp or the tool. Returns false if it is not possible now. rt: wait-free
     bool carry_out(const Command& command) noexcept;
     // NaN: as configured. rt: wait-free
     void set(const GraspSettable& settable) noexcept;
 
-    // Continues in the place of `before`, which had another configuration: counters, latches, settings, taught
-    // objects and the robot's data are kept, the scale from a known weight is not. rt: wait-free
+    // Takes the place of `before`, which had another configuration. Counters, latches, settings, taught objects and the
+    // robot's data are kept; the scale from a known weight is not kept. rt: wait-free
     void succeed(const Grasping& before) noexcept;
 
     // rt: wait-free
@@ -52,14 +52,14 @@ private:
     std::optional<tool::Tool> tool_;
     std::array<int, TACTILED_MAX_SENSORS> tool_of_sensor_{};  // index in the setup of the tool; -1: none
     GraspSettable configured_, requested_{kNaN, kNaN};
-    std::optional<grasp::Vector> reported_gravity_G_m_s2_;  // NaN: reported as unknown
+    std::optional<grasp::Vector> reported_gravity_G_m_s2_;  // NaN: the robot reported that it is unknown
     grasp::Hint reported_hint_ = grasp::Hint::none;
     tactiled_grasp before_{};                                // counters and latches of the predecessor; the rest is 0
     std::array<int, TACTILED_MAX_SENSORS> jaw_of_sensor_{};  // -1: none
     std::array<std::uint32_t, TACTILED_MAX_SENSORS> tares_seen_{}, methods_seen_{};
 
-    // Weights of another scale than the one in force are not used: objects are recognised only if they were taught in
-    // the present scale. The strings have capacity, so that copying a name does not allocate.
+    // Objects are recognised only if they were taught in the present scale. The strings have reserved capacity, so that
+    // copying a name does not allocate.
     bool scale_shown_ = false;
     std::size_t n_taught_ = 0;
     std::array<TaughtObject, grasp::Grasp::kMaxObjects> taught_;

@@ -1,4 +1,4 @@
-// Lends an object of one thread to another one, which uses it for a while, repeatedly. One owner, one borrower.
+// Lends an object of one thread to another thread, which may use the object repeatedly. One owner, one borrower.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -9,8 +9,6 @@ namespace tactiled {
 
 class Lending {
 public:
-    // ---- owner ----
-
     // Lends the object to the borrower until is_returned() or take_back(). rt: wait-free
     void lend() noexcept { state_.store(State::lent, std::memory_order_release); }  // pairs with begin()
     // rt: wait-free
@@ -23,18 +21,16 @@ public:
         return state_.compare_exchange_strong(expected, State::owned, std::memory_order_acquire,  // pairs with end()
                                               std::memory_order_relaxed);
     }
-    // Woken when the object is returned.
+    // The word on which the owner sleeps; end() wakes it when the object is returned.
     [[nodiscard]] WakeWord& returned() noexcept { return returned_; }
 
-    // ---- borrower ----
-
-    // Returns true if the object is lent; it is then the borrower's until end(). rt: wait-free
+    // Returns true if the object is lent; the borrower may then use the object until end(). rt: wait-free
     [[nodiscard]] bool begin() noexcept {
         State expected = State::lent;
         return state_.compare_exchange_strong(expected, State::used, std::memory_order_acquire, std::memory_order_relaxed);
     }
-    // `keep`: the borrower may begin() again; else the object is returned. rt: wait-free, but one system call where
-    // it is returned
+    // `keep`: the borrower may begin() again; otherwise the object is returned. rt: wait-free, plus one system call if the
+    // object is returned
     void end(bool keep) noexcept {
         state_.store(keep ? State::lent : State::owned, std::memory_order_release);
         if (!keep) returned_.wake();

@@ -16,7 +16,7 @@
 
 namespace tactiled {
 
-// Counts the frames that a full ring refused, by device, until the next frame of the device carries the count as `lost`.
+// Counts the frames that a full ring refused, by device, until the next frame of the device reports the count in `lost`.
 class RefusedFrames {
 public:
     // rt: bounded by the number of sensors
@@ -66,7 +66,7 @@ struct Link {
     // The driver is read by the link's own thread, or lent to the thread that reads several links (shared_links.hpp).
     Lending lending;
     bool is_present = true;               // set by the reader that gives the link back
-    std::atomic<std::uint64_t> reads{0};  // bursts; written by the reader
+    std::atomic<std::uint64_t> reads{0};  // number of bursts; written by the reader
 
     // Used by the reader only.
     std::uint64_t read_ns = 0, read_interval_ns = UINT64_MAX;  // end of the last burst, and time between the last two
@@ -78,7 +78,7 @@ struct Link {
     // Used by the pipeline only.
     bool was_connected = false;   // `connected`, as read before the ring was last emptied
     std::uint32_t unbound = 0;    // frames that belong to no sensor
-    std::uint64_t delivered = 0;  // frames, bound or not
+    std::uint64_t delivered = 0;  // frames, with or without a sensor
 };
 
 }  // namespace tactiled

@@ -1,5 +1,5 @@
-// Proves the age of the frames of one link, device by device (drivers/wire/stream_age.hpp), and requests a new
-// opening if only that helps.
+// Proves the age of the frames of one link, separately for each device (drivers/wire/stream_age.hpp), and requests that the
+// link is reopened if delayed data cannot be discarded otherwise.
 #pragma once
 #include <algorithm>
 #include <atomic>
@@ -17,7 +17,7 @@ namespace tactiled {
 
 class LinkAge {
 public:
-    // The declared rate of a device, 0 = none, and the accepted deviation as a fraction of it.
+    // The declared rate of a device, 0 = none, and its relative tolerance.
     struct Rate {
         double Hz = 0, tolerance = 0.2;
         bool operator==(const Rate&) const = default;
@@ -26,8 +26,8 @@ public:
     void add(std::uint16_t device, const Rate& rate, std::uint64_t stale_ns) {
         devices_.push_back(std::make_unique<Device>(device, rate, stale_ns));
     }
-    // Takes over the rates of `fresh`, which has the same devices. Each holds from the next frame on, and the link may be
-    // opened again soon. setup: from another thread than judge()
+    // Takes over the rates of `fresh`, which has the same devices. A new rate is in force from the next frame, and the pause
+    // before the next reopening restarts. setup: from another thread than judge()
     void retune(LinkAge& fresh) noexcept {
         for (std::size_t i = 0; i < devices_.size(); ++i) {
             Device& device = *devices_[i];
@@ -41,7 +41,7 @@ public:
     // The link was opened at `now_ns`, and no frame has been read since. rt: wait-free
     void opened(std::uint64_t now_ns) noexcept { opened_ns_ = host_ns(now_ns); }
 
-    // Dates a frame of `driver` that has just been read. rt: wait-free
+    // Sets the age of a frame of `driver` that has just been read. rt: wait-free
     void judge(Frame& frame, const Driver& driver) noexcept {
         if (const std::uint32_t opened = driver.counts[TACTILED_LINK_OPENED]; opened != opened_) {
             opened_ = opened;
@@ -59,7 +59,7 @@ public:
         bool is_first = true;
         for (auto& each : devices_) {
             if (each->number != frame.device || !is_first) continue;
-            is_first = false;  // two sensors of one device share its state
+            is_first = false;  // two sensors of one device share one state
             const std::uint64_t taken_ns = std::max(frame.taken_ns, frame.t_ns);
             each->age.judge(frame, each->age.uses_host_time(frame) ? host_ns(taken_ns) : taken_ns);
             each->proof.store(std::uint32_t(each->age.proof()), std::memory_order_relaxed);
@@ -78,7 +78,7 @@ public:
         return since_ns != 0 && pace_.allows(now, since_ns);
     }
 
-    // How long the link should stay closed now. rt: wait-free
+    // Returns the time for which the link should stay closed before it is reopened. rt: wait-free
     [[nodiscard]] std::uint64_t closed_ns() const noexcept {
         std::uint64_t longest_ns = 0;
         for (const auto& each : devices_)
@@ -86,7 +86,7 @@ public:
         return longest_ns;
     }
 
-    // How the frames of `device` are proved. rt: wait-free; from any thread
+    // Returns how the age of the frames of `device` is proved. rt: wait-free; from any thread
     [[nodiscard]] std::uint32_t proof(std::uint16_t device) const noexcept {
         for (const auto& each : devices_)
             if (each->number == device) return each->proof.load(std::memory_order_relaxed);
@@ -98,7 +98,7 @@ private:
         Device(std::uint16_t n, const Rate& rate, std::uint64_t stale_ns)
             : number(n), rates{rate}, age(rate.Hz, rate.tolerance, stale_ns) {}
         std::uint16_t number;
-        std::list<Rate> rates;  // each stays, because the link's thread may read it
+        std::list<Rate> rates;  // old rates are kept, because the link's thread may read them
         std::atomic<const Rate*> wanted{&rates.back()};
         const Rate* in_force = &rates.back();
         StreamAge age;
@@ -106,7 +106,7 @@ private:
     };
     std::vector<std::unique_ptr<Device>> devices_;
     std::uint32_t opened_ = ~0u;
-    std::uint64_t opened_ns_ = 0;  // host time of the opening; 0: not known
+    std::uint64_t opened_ns_ = 0;  // host time of the opening; 0: unknown
     ReopeningPace pace_;
 };
 

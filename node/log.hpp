@@ -8,9 +8,9 @@ namespace tactiled {
 
 enum class LogLevel { error = 3, warning = 4, info = 6 };  // the numbers of syslog(3)
 
-// Writes one line, from any thread except the real-time ones. Never blocks: a line that standard error cannot take
-// now is dropped and counted, and the next line that succeeds reports the count. Needs no memory; a text longer than
-// 960 bytes is cut.
+// Writes one line, from any thread except the real-time threads. Never blocks: a line that standard error cannot accept is
+// dropped and counted, and the next successful line reports the count. Allocates no memory; a text of more than 960 bytes is
+// cut.
 void log_text(LogLevel level, std::string_view text) noexcept;
 void log_formatted(LogLevel level, fmt::string_view format, fmt::format_args values) noexcept;
 template <class... Values>

@@ -1,6 +1,6 @@
-// Low-pass for the six components of a wrench, for any sample times: two equal first-order stages, each with the
-// exact step response over the time since the last sample. No overshoot; the group delay at low frequencies is 0.205
-// / cutoff.
+// Low pass for the six components of a wrench, for irregular sample times: two equal first-order stages, each with the exact
+// step response over the time since the last sample. It has no overshoot; the group delay at low frequencies is 0.205 /
+// cutoff.
 #pragma once
 #include <array>
 #include <cmath>
@@ -16,10 +16,10 @@ public:
         empty_ = true;
     }
     [[nodiscard]] double cutoff_Hz() const noexcept { return cutoff_Hz_; }
-    // The delay of a slow signal; 0 if the filter is off.
+    // The group delay at low frequencies; 0 if the filter is off.
     [[nodiscard]] double delay_s() const noexcept { return is_on() ? 2 / corner_rad_s() : 0; }
     [[nodiscard]] bool is_on() const noexcept { return cutoff_Hz_ > 0; }
-    // Forgets the past: after a discontinuity, a tare, or a sample without a value. rt: wait-free
+    // Restarts with the next value. Called after a discontinuity, a tare, or a sample without a value. rt: wait-free
     void reset() noexcept { empty_ = true; }
 
     // rt: wait-free
@@ -37,7 +37,7 @@ public:
     }
 
 private:
-    // Each stage is 3 dB / 2 down at the cutoff: its own corner lies 1 / sqrt(sqrt(2) - 1) higher.
+    // Each stage has -1.5 dB at the cutoff. The corner of a stage is therefore 1 / sqrt(sqrt(2) - 1) times the cutoff.
     [[nodiscard]] double corner_rad_s() const noexcept {
         return 2 * 3.14159265358979323846 * cutoff_Hz_ * 1.5537739740300374;
     }

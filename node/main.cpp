@@ -39,8 +39,8 @@ sigset_t block_signals() {
     return set;
 }
 
-// The control socket is not essential: a PLC can tare without it, and values do not need it. A missing folder must
-// not keep the gripper from running.
+// The daemon also runs without the control socket, for example if its folder is missing: values do not need the socket, and
+// a PLC can tare without it.
 std::unique_ptr<ControlSocket> open_control(Node& node, SegmentWriter& segment, Pipeline& pipeline) {
     try {
         return std::make_unique<ControlSocket>(
@@ -49,7 +49,7 @@ std::unique_ptr<ControlSocket> open_control(Node& node, SegmentWriter& segment, 
     } catch (const std::exception& error) {
         log_line(LogLevel::warning, "{}; tactilectl tare will not work, sleeping readers poll each millisecond",
                  error.what());
-        segment.withdraw_control();  // clients send nothing to a socket of another program
+        segment.withdraw_control();  // so that clients do not send requests to another program's socket
         return nullptr;
     }
 }
@@ -101,7 +101,7 @@ int run(Node& node, const sigset_t& signals) {
         wait_for_end(signals, reloader, pipeline);
         ::sd_notify(0, "STOPPING=1");
     }
-    pipeline.stop(monotonic_ns());  // the threads have ended: no sample follows the last one
+    pipeline.stop(monotonic_ns());  // the threads have ended, so no sample follows
     log_line(LogLevel::info, "stopped");
     return EX_OK;
 }

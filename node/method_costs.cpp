@@ -49,7 +49,7 @@ std::string build_id() {
                 at += sizeof note + padded(note.n_namesz) + padded(note.n_descsz);
             }
         }
-        return 1;  // the first is the program itself
+        return 1;  // the first object is the program itself
     };
     ::dl_iterate_phdr(look, &id);
     return id;

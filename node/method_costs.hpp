@@ -1,4 +1,4 @@
-// Times of the methods of a calibration on this machine, stored between starts of the daemon: measured once per CPU,
+// Computing times of the methods of a calibration, stored between starts of the daemon. They are measured once per CPU,
 // build and calibration.
 #pragma once
 #include <string>
@@ -15,7 +15,7 @@ std::string method_costs_folder();
 
 class MethodCostFile {
 public:
-    // The times for one sensor; with folder "" nothing is read or stored.
+    // The times for one sensor; with folder "" there is no file.
     MethodCostFile(const std::string& folder, const std::string& node, const std::string& sensor,
                    const Calibration& calibration);
     // Returns nothing if there is no file for this CPU, build and calibration. A damaged file is reported in the log

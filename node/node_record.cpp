@@ -28,7 +28,7 @@ void NodeRecord::latch_faults_of(std::uint32_t reasons) noexcept {
 std::uint32_t NodeRecord::lasting_faults(const Tares& tares) const noexcept {
     constexpr std::uint32_t kGone = TACTILED_STALE | TACTILED_DISCONNECTED;
     std::uint32_t reasons = 0;
-    for (const auto& sensor : sensors_)  // a sensor that has never delivered is not a fault
+    for (const auto& sensor : sensors_)  // a sensor that has never delivered causes no fault
         if ((sensor.last().reasons & TACTILED_NO_DATA_YET) == 0) reasons |= sensor.last().reasons;
     return bit_if((reasons & kGone) != 0, TACTILED_FAULT_SENSOR_LOST) |
            bit_if((reasons & TACTILED_DISCONNECTED) != 0, TACTILED_FAULT_BUS) |

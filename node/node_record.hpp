@@ -27,10 +27,9 @@ public:
           segment_(segment),
           period_ns_(std::min<std::uint64_t>(100, std::max(1u, segment.watchdog_ms() * 2 / 5)) * 1'000'000),
           fixed_status_(status) {}
-    // Adds such bits, before the loop only.
+    // Adds bits to `status`. Before the loop only.
     void add_status(std::uint32_t bits) noexcept { fixed_status_ |= bits; }
-    // Makes a latched fault clear itself when its cause has been absent for this time, 0 = never. Before the loop
-    // only.
+    // Sets the time without its cause after which a latched fault is cleared; 0 = never. Before the loop only.
     void clear_faults_after(std::uint64_t absent_ns) noexcept { clear_after_ns_ = absent_ns; }
     // Starts heartbeat and statistics at `now_ns`. setup
     void start(std::uint64_t now_ns) noexcept { heartbeat_ns_ = worst_since_ns_ = now_ns; }
@@ -65,10 +64,10 @@ public:
     // Shows or hides the warning that the last reload was refused. rt: wait-free; from any thread
     void set_reload_refused(bool refused) noexcept { reload_refused_.store(refused, std::memory_order_relaxed); }
 
-    // Returns true if something is new since the last record, or that record is old. rt: bounded by the number of sensors
+    // Returns true if something has changed since the last record, or the record is older than the period. rt: bounded by
+    // the number of sensors
     [[nodiscard]] bool is_due(std::uint64_t now_ns) const noexcept;
-    // Returns the time of the next record or heartbeat if nothing is new until then. rt: bounded by the number of
-    // sensors
+    // Returns the time of the next record or heartbeat if nothing changes until then. rt: bounded by the number of sensors
     [[nodiscard]] std::uint64_t deadline_ns() const noexcept;
     // rt: bounded by the number of sensors and links
     void publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp, const tactiled_tool& tool) noexcept;
@@ -88,7 +87,7 @@ private:
     const std::vector<std::unique_ptr<Link>>& links_;
     const std::vector<Sensor>& sensors_;
     SegmentWriter& segment_;
-    // Longest time between two records: two of them fit into the time after which readers consider the daemon dead.
+    // Longest time between two records: 2/5 of the time after which readers consider the daemon dead, at most 100 ms.
     std::uint64_t period_ns_;
     std::uint32_t fixed_status_;
     std::atomic<bool> reload_refused_{false};
@@ -100,7 +99,7 @@ private:
     std::uint32_t seen_ = 0;                             // faults whose cause was present since the last record
     std::array<std::uint64_t, kFaults> last_seen_ns_{};  // time of the cause of each fault
     std::uint64_t heartbeat_ns_ = 0, lost_until_ns_ = 0;
-    std::uint32_t lost_seen_ = 0, refused_seen_ = 0;  // number of frames at the last record
+    std::uint32_t lost_seen_ = 0, refused_seen_ = 0;  // number of lost and of refused frames at the last record
     std::uint64_t worst_since_ns_ = 0;
     std::uint32_t worst_ns_ = 0;
 };

@@ -36,7 +36,7 @@ TaughtObject read_object(Options table) {
 }  // namespace
 
 ObjectsLock::ObjectsLock(const std::string& path) {
-    const std::string beside = path + ".lock";  // not the file itself, because that is replaced
+    const std::string beside = path + ".lock";  // a separate file, because the file itself is replaced
     fd_ = ::open(beside.c_str(), O_RDONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644);
     while (fd_ >= 0) {
         if (::flock(fd_, LOCK_EX) == 0) return;

@@ -38,7 +38,7 @@ void Pipeline::deliver(Link& link, std::uint64_t now_ns) noexcept {
     // Read before the ring: frames that arrived before the link disconnected are delivered before the discontinuity
     // is published.
     link.was_connected = link.connected.load(std::memory_order_acquire);
-    for (std::size_t n = 0; n < link.ring.capacity(); ++n) {  // a flood of one link does not starve the others
+    for (std::size_t n = 0; n < link.ring.capacity(); ++n) {  // limited, so that no link starves the others
         const Frame* const frame = link.ring.front();
         if (frame == nullptr) return;
         deliver(link, *frame, now_ns);

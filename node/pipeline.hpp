@@ -5,8 +5,8 @@
 //                    publish()   tactiled_sample -> grasp, segment, counts of the node record
 //
 // The runner is the real-time thread that called serve() first: a link's thread that has frames, or the pipeline's thread,
-// which comes for commands and time limits. The parts beside the data path have files of their own: commands.hpp, tares.hpp,
-// node_record.hpp, replacement.hpp.
+// which serves commands and time limits. Parts beside the data path: commands.hpp, tares.hpp, node_record.hpp,
+// replacement.hpp.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -48,19 +48,17 @@ public:
     // Adds bits that set-up determined after the pipeline was made: RT_DEGRADED. Before the loop only.
     void add_status(std::uint32_t bits) noexcept { record_.add_status(bits); }
 
-    // Makes a latched fault clear itself when its cause has been absent for this time, 0 = never. Before the loop
-    // only.
+    // Sets the time without its cause after which a latched fault is cleared; 0 = never. Before the loop only.
     void clear_faults_after(std::uint64_t absent_ns) noexcept { record_.clear_faults_after(absent_ns); }
 
-    // Publishes one BAD sample of each sensor, so that a reader finds a reason and not an empty ring. setup
+    // Publishes one BAD sample of each sensor, so that a reader finds its reason instead of an empty ring. setup
     void start(std::uint64_t now_ns) noexcept;
-    // Ends the set-up, in which serve() only announces: the calling thread carries out what was announced. Call it once.
+    // Ends the set-up, during which serve() only announces work, and does the announced work. Call it once.
     // rt: as serve()
     void open() noexcept { run(); }
-    // Runs cycles until no thread has more work, unless another thread does so already; that one then sees the
-    // caller's work, too. After kMaxCycles the rest is left to the pipeline's thread. From any real-time thread.
-    // Returns false if another thread is the runner. rt: bounded by kMaxCycles cycles, each with the system calls of
-    // Waker::published()
+    // Runs cycles until no thread has more work. If another thread is the runner, returns false, and the runner will do the
+    // caller's work, too. After kMaxCycles the pipeline's thread does the remaining work. From any real-time thread. rt:
+    // bounded by kMaxCycles cycles, each with the system calls of Waker::published()
     bool serve() noexcept {
         if (!runner_.enter()) return false;
         run();

@@ -1,5 +1,5 @@
-// Liveness counters of the real-time threads. Each thread counts its cycles. An observer thread detects by these
-// counts a thread that makes no progress: in the kernel, in an endless loop, or stopped by a debugger.
+// Liveness counters of the real-time threads. Each thread counts its cycles. From these counts an observer thread detects a
+// thread that makes no progress, because it hangs in the kernel or in an endless loop, or a debugger has stopped it.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -15,11 +15,11 @@ class Progress {
         std::string name;
         std::uint64_t limit_ns;
         std::atomic<std::uint64_t> cycles{0};
-        std::uint64_t seen_cycles = 0, seen_ns = 0;  // the observer's
+        std::uint64_t seen_cycles = 0, seen_ns = 0;  // used by the observer only
     };
 
 public:
-    // One thread's entry on the list, for as long as the thread runs.
+    // The list entry of one thread, for as long as the thread runs.
     class Liveness {
     public:
         // `limit_ns`: a longer cycle counts as a standstill. setup: may wait for a lock
@@ -47,8 +47,8 @@ public:
         Entry* entry_;
     };
 
-    // Returns "" if each thread has finished a cycle within its limit, as far as the rate of calls can show, else the
-    // name of the first thread that has not, valid until its Liveness ends.
+    // Returns "" if each thread has finished a cycle within its limit, with the resolution of the interval between calls.
+    // Otherwise returns the name of the first thread that has not, which is valid until its Liveness ends.
     std::string_view look(std::uint64_t now_ns) noexcept {
         const std::lock_guard lock(mutex_);
         std::string_view stuck;

@@ -9,14 +9,15 @@ namespace {
 constexpr std::uint64_t kRateWindowNs = 1'000'000'000;
 // A frozen channel counts as alive after this many changes, because a single change may still be part of the fault.
 constexpr unsigned kAliveAfter = 2;
-// An idle bus gives the same number everywhere. Converters may rest near 0, too: noise of one count gives a 0 in two
-// of five readings, and this many in a row once in 10^9. At least three readings, so that a single disturbed one does
-// not count.
+// An idle bus gives the same number in all channels. A working converter may rest near 0, too: with noise of one count 2 of
+// 5 readings are 0, and 24 consecutive zeros occur once in 10^9 readings. At least 3 readings, because a single reading may
+// be disturbed.
 constexpr unsigned kIdleNumbers = 24, kIdleReadings = 3;
 constexpr std::uint64_t kRestNs = 2'000'000'000;
 constexpr double kRestMean_s = 1;
 
-// Returns true for all zeros or all ones, of the widths of converters and registers, signed or not.
+// Returns true for a number whose bits are all 0 or all 1, for the usual widths of converters and registers, signed or
+// unsigned.
 bool is_idle_number(double value) noexcept {
     constexpr double kOnes[] = {0, -1, 0xFF, 0x3FF, 0xFFF, 0xFFFF, 0xFFFFF, 0xFFFFFF, 0xFFFFFFFF};
     return std::find(std::begin(kOnes), std::end(kOnes), value) != std::end(kOnes);
@@ -41,7 +42,7 @@ void StreamQuality::succeed(const StreamQuality& before, bool same_channels) noe
 }
 
 bool StreamQuality::arrive(const Frame& frame) noexcept {
-    // The link was closed and opened again while the loop did not run: this discontinuity was not counted.
+    // The link was closed and opened again while the loop did not run; this discontinuity has not been counted yet.
     if (broken_ == 0 && frame.opening != opening_) {
         ++discontinuities_;
         broken_ = TACTILED_DISCONNECTED;
@@ -69,7 +70,7 @@ void StreamQuality::arrive_late(const Frame& frame) noexcept {
 
 std::uint32_t StreamQuality::judge(std::span<const double> raw, std::uint32_t usable, std::uint32_t& dead) noexcept {
     std::uint32_t reasons = 0;
-    // False for NaN: an unknown rate is not judged.
+    // The comparison is false for an unknown rate, which is NaN.
     if (tuning_->rate_Hz > 0 && std::abs(double(rate_Hz_) - tuning_->rate_Hz) > tuning_->rate_tolerance * tuning_->rate_Hz)
         reasons |= TACTILED_WRONG_RATE;
     if (std::isfinite(tuning_->slew_limit_per_s) && has_stepped(raw, usable)) reasons |= TACTILED_STEPPED;
@@ -120,7 +121,8 @@ bool StreamQuality::is_idle_bus(std::span<const double> raw, std::uint32_t usabl
     return idle_ >= enough;
 }
 
-// Compares with the time since the last frame, or with the device's own time if frames of a backlog arrive at once.
+// Compares the change with the time since the last frame, or with the declared interval if frames of a backlog arrive
+// together.
 bool StreamQuality::has_stepped(std::span<const double> raw, std::uint32_t usable) const noexcept {
     const double declared_Hz = tuning_->rate_Hz > 0 ? tuning_->rate_Hz : double(rate_Hz_);
     if (after_discontinuity_ || !(declared_Hz > 0))
@@ -147,7 +149,7 @@ bool StreamQuality::has_discontinuity(bool connected, std::uint64_t now_ns) noex
     const std::uint32_t waiting = broken_ & TACTILED_NO_DATA_YET;
     const std::uint32_t why = waiting | (connected ? TACTILED_STALE : TACTILED_DISCONNECTED);
     if (why == broken_) return false;
-    if (broken_ == 0) ++discontinuities_;  // a new discontinuity, not another reason for the present one
+    if (broken_ == 0) ++discontinuities_;  // a new discontinuity, not a new reason for the present one
     broken_ = why;
     rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
     return true;

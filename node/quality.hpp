@@ -1,5 +1,5 @@
-// Checks that the stream of one sensor is alive and plausible, from times and raw numbers only. The meaning of the
-// numbers is the model's concern, the published sample is Sensor's.
+// Checks that the stream of one sensor is alive and plausible, from times and raw numbers only. The model interprets the
+// numbers; Sensor makes the published sample.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -15,19 +15,19 @@ namespace tactiled {
 
 class StreamQuality {
 public:
-    // `tuning` must outlive it.
+    // `tuning` must outlive this object.
     explicit StreamQuality(const Tuning& tuning) : tuning_(&tuning) {}
 
-    // Starts the clock. Call it once, before the first frame. setup
+    // Starts the measurement of times. Call it once, before the first frame. setup
     void start(std::uint64_t now_ns) noexcept { last_frame_ns_ = now_ns; }
 
     // Continues the counters of `before`, after a discontinuity. With the same channels, dead channels remain dead.
     // rt: bounded by the channels
     void succeed(const StreamQuality& before, bool same_channels) noexcept;
 
-    // Takes a frame that is older than allowed: there is no value until a newer one arrives. rt: wait-free
+    // Takes a frame that is older than allowed. The sensor has no value until a newer frame arrives. rt: wait-free
     void arrive_late(const Frame& frame) noexcept;
-    // Notes that the machine was suspended: data read from the kernel until `now_ns` are from before. rt: wait-free
+    // Records that the machine was suspended until `now_ns`. Frames with an earlier time count as late. rt: wait-free
     void suspended(std::uint64_t now_ns) noexcept {
         resumed_ns_ = now_ns;
         last_frame_ns_ = 0;
@@ -35,10 +35,10 @@ public:
     [[nodiscard]] bool is_late(const Frame& frame) const noexcept {
         return frame.late_ns > tuning_->stale_ns || frame.t_ns < resumed_ns_;
     }
-    // Notes that the stream delivers. Returns true if it does so again, after a discontinuity. rt: wait-free
+    // Records that the stream delivers. Returns true if this is the first frame after a discontinuity. rt: wait-free
     bool arrive(const Frame& frame) noexcept;
-    // Checks the channels of the frame that has just arrived. `usable`: bit k, channel k has a number that is not
-    // saturated. A channel that is set in `dead` has no value. Returns reasons. rt: bounded by the channels
+    // Checks the channels of the frame that has just arrived. `usable`: bit k is set if channel k has a number that is not
+    // saturated. Sets in `dead` the channels that have no value. Returns reasons. rt: bounded by the channels
     [[nodiscard]] std::uint32_t judge(std::span<const double> raw, std::uint32_t usable, std::uint32_t& dead) noexcept;
 
     // Returns true if there is a new discontinuity, or its reason has changed. `connected` is the link's state. rt:
@@ -51,7 +51,7 @@ public:
         const std::uint64_t latest_ns = now_ns + tuning_->stale_ns;
         return is_marked ? latest_ns : std::min(latest_ns, last_frame_ns_ + tuning_->stale_ns + 1);
     }
-    // Returns the reason why there is no stream now, 0 = it delivers.
+    // Returns the reason why there is no stream now; 0 = the stream delivers.
     [[nodiscard]] std::uint32_t broken() const noexcept { return broken_; }
     // Returns the number of discontinuities, including those of frozen channels: the lower half of a sample's epoch.
     [[nodiscard]] std::uint32_t discontinuities() const noexcept { return discontinuities_; }
@@ -70,7 +70,7 @@ private:
 
     const Tuning* tuning_;
     std::uint64_t last_frame_ns_ = 0, step_ns_ = 0;  // step_ns_: time since the previous frame
-    std::uint64_t resumed_ns_ = 0;                   // the machine was suspended until then
+    std::uint64_t resumed_ns_ = 0;                   // end of the last suspension of the machine
     bool after_discontinuity_ = true;                // this is the first frame of a stream
     std::uint32_t opening_ = 0;                      // number of the link's opening for the previous frame
     std::uint32_t broken_ = TACTILED_NO_DATA_YET, discontinuities_ = 0, lost_ = 0, lost_now_ = 0;
@@ -89,11 +89,11 @@ private:
     float rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
 };
 
-// Checks if the zero at rest has drifted from the calibration's, by a mean of the raw force over about a second
-// without contact. The result stays true until a mean at rest is within the limit.
+// Checks if the zero at rest has drifted from the calibration's zero, by a mean of the raw force over about 1 s without
+// contact. The result stays true until a mean at rest is within the limit.
 class ZeroDriftCheck {
 public:
-    // `tuning` must outlive it.
+    // `tuning` must outlive this object.
     explicit ZeroDriftCheck(const Tuning& tuning) : tuning_(&tuning) {}
     // rt: wait-free
     [[nodiscard]] bool has_drifted(const double (&raw_force_S_N)[3], bool at_rest, std::uint64_t t_ns) noexcept;

@@ -40,7 +40,7 @@ void flush_denormals() noexcept {
 std::string lock_memory() {
     ::mallopt(M_TRIM_THRESHOLD, -1);
     ::mallopt(M_MMAP_MAX, 0);
-    ::mallopt(M_ARENA_MAX, 1);  // each further arena would reserve, and lock, 64 MiB
+    ::mallopt(M_ARENA_MAX, 1);  // each further arena would reserve and lock 64 MiB
     if (::mlockall(MCL_CURRENT | MCL_FUTURE) == 0) return "";
     return fmt::format("mlockall: {} (raise LimitMEMLOCK, or set lock_memory = false)", std::strerror(errno));
 }
@@ -54,7 +54,7 @@ std::string RtThread::start(const char* name, int priority, int cpu, std::functi
     ::pthread_attr_setstacksize(&attributes, kStackBytes);
     const auto entry = [](void* self) -> void* {
         auto& thread = *static_cast<RtThread*>(self);
-        ::prctl(PR_SET_TIMERSLACK, 1);  // has an effect only where SCHED_FIFO was refused
+        ::prctl(PR_SET_TIMERSLACK, 1);  // has an effect only if SCHED_FIFO was refused
         touch_stack();
         flush_denormals();
         if (rtguard_thread != nullptr && thread.has_loop_) rtguard_thread(thread.name_);

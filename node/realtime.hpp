@@ -1,5 +1,4 @@
-// The real-time rights of the daemon, and the threads that use them. A refused right is reported and not fatal: the
-// caller decides.
+// The real-time rights of the daemon, and its threads. A refused right is reported and is not fatal: the caller decides.
 #pragma once
 #include <pthread.h>
 
@@ -7,8 +6,8 @@
 #include <functional>
 #include <string>
 
-// Defined by the guard library of tests/guard when it is preloaded; null otherwise. The part of a real-time thread
-// between arm and disarm must not allocate, lock, fault or make a system call that is not on its list.
+// Defined by the library of tests/guard if it is preloaded; null otherwise. The part of a real-time thread between arm and
+// disarm must not allocate, lock, fault or make a system call that is not on its list.
 extern "C" {
 void rtguard_thread(const char* name) __attribute__((weak));
 void rtguard_arm() __attribute__((weak));
@@ -32,12 +31,12 @@ public:
     Armed& operator=(const Armed&) = delete;
 };
 
-// Locks all memory, present and future, and keeps the heap from returning pages. Returns "" or the refused right with
-// the remedy.
+// Locks all memory, present and future, and keeps the heap from returning pages. Returns "", or the refused right with the
+// remedy.
 std::string lock_memory();
 
-// A thread with a small, touched stack, because the default of 8 MiB would be locked completely. `body` runs until it
-// returns; join() waits for it.
+// A thread with a small stack whose pages are touched at the start. The default stack of 8 MiB would be locked completely.
+// join() waits until `body` returns.
 class RtThread {
 public:
     RtThread() = default;

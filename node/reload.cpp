@@ -55,7 +55,7 @@ std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
     if (problems.empty()) refuse_a_loss_once(fresh);
     if (!problems.empty()) return "";
 
-    Accepted next = accepted(fresh);  // everything that may throw comes before the change
+    Accepted next = accepted(fresh);  // all code that may throw runs before the exchange
     Replacement replacement = difference(fresh);
     std::vector<std::string> names;
     for (const auto& part : replacement.sensors)
@@ -64,7 +64,7 @@ std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
     if (replacement.grasping != nullptr) names.push_back(now_.tool ? "the grasp or the tool" : "the grasp");
     std::string done = names.empty() ? "neither the configuration nor a calibration has changed"
                                      : fmt::format("changed {}", fmt::join(names, ", "));
-    if (names.empty() && next.calibration_id == now_.calibration_id) return done;  // not even a comment has changed
+    if (names.empty() && next.calibration_id == now_.calibration_id) return done;  // the files are unchanged
     for (const auto& part : replacement.sensors)
         if (zeros_ != nullptr && !part.measures_alike) zeros_->replace_owner(part.index, fresh.zeros[part.index]);
     if (!pipeline.replace(replacement, kPatienceMs)) {
@@ -100,7 +100,7 @@ void Reloader::refuse_what_needs_a_restart(Node& fresh) const {
         return root.problem("tool", fmt::format("whether there is a [tool] {}", kRestart));
     if (!fresh.config.grasp) return;
     Options before = now_.root, grasp = root.table("grasp");
-    const bool same_objects = fresh.config.grasp->objects == now_.objects;  // the same file, written differently
+    const bool same_objects = fresh.config.grasp->objects == now_.objects;  // the same file, another spelling
     for (const auto& key : grasp.differing_keys(before.table("grasp")))
         if (reload_rule("grasp", key) == Reload::restart && !(key == "objects" && same_objects))
             grasp.problem(key, fmt::format("{} {}", key, kRestart));
@@ -129,12 +129,12 @@ Replacement Reloader::difference(Node& fresh) const {
     regrasp |= fresh.tool != now_.tool;
     for (std::uint32_t i = 0; i < fresh.sensors.size(); ++i) {
         const bool alike = measures_alike(fresh, i);
-        // the other sensor's table may have named it
+        // a pair may be configured in the other sensor's table
         const bool same_pair = fresh.config.sensors[i].pair == now_.sensors[i].pair;
         if (alike && same_pair && fresh.config.sensors[i].options.differing_keys(now_.sensors[i].options).empty()) continue;
         replacement.sensors.push_back(
             {i, alike, std::make_unique<Sensor>(std::move(fresh.sensors[i])), fresh.plan.sensors[i]});
-        regrasp |= !alike && is_jaw(fresh.grasp, i);  // its forces differ, and therefore the scale of the weight
+        regrasp |= !alike && is_jaw(fresh.grasp, i);  // the forces of this jaw differ, and therefore the scale of the weight
     }
     if (regrasp) replacement.grasping = std::make_unique<Grasping>(fresh.grasp, fresh.tool);
     return replacement;

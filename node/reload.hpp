@@ -1,6 +1,6 @@
-// SIGHUP: reads the configuration and the calibrations again and applies the changes to the running node, all or
-// nothing. config/KEYS.md states for each key whether it may change without a restart; the refusal of another change
-// names it. A file that lacks keys which it had may have been cut: it is accepted the second time.
+// SIGHUP: reads the configuration and the calibrations again and applies all changes to the running node, or none.
+// config/KEYS.md states which keys may change without a restart; the refusal of another change names its key. A file that
+// has lost keys may be truncated; it is accepted at the second reload.
 #pragma once
 #include <string>
 #include <vector>
@@ -11,7 +11,8 @@ namespace tactiled {
 
 class Reloader {
 public:
-    // `running` is the node at the daemon's start, and must outlive it; `zeros` is informed of new calibrations. setup
+    // `running` is the node at the daemon's start and must outlive this object. `zeros` receives the owners of the zeros of
+    // new calibrations. setup
     Reloader(const Node& running, std::string costs_folder, ZeroStore* zeros = nullptr);
 
     // Logs the changes, or the reason for the refusal. Takes as long as a start; the loop runs meanwhile.
@@ -39,7 +40,7 @@ private:
     std::string costs_folder_;
     ZeroStore* zeros_;
     Accepted now_;
-    std::vector<std::string> announced_;  // keys that the last reload would have lost
+    std::vector<std::string> announced_;  // lost keys that the last reload has reported
 };
 
 }  // namespace tactiled

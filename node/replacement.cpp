@@ -19,8 +19,8 @@ void Pipeline::take_replacement(std::uint64_t now_ns) noexcept {
     replacement_.give_back();
 }
 
-// A sensor that measures differently begins a new epoch with a BAD sample: later samples are not comparable to
-// earlier ones.
+// A sensor that measures differently begins a new epoch with a BAD sample, because later samples are not comparable to
+// earlier samples.
 void Pipeline::take(Replacement& replacement, std::uint64_t now_ns) noexcept {
     static_assert(std::is_nothrow_swappable_v<Sensor>);
     if (replacement.grasping != nullptr) {
@@ -37,8 +37,8 @@ void Pipeline::take(Replacement& replacement, std::uint64_t now_ns) noexcept {
         std::swap(running, *part.sensor);
         publish(part.index, running.marker(now_ns));
     }
-    // The directory changes after the samples: an old force with the new CAL_ID would seem to be a force of the new
-    // calibration.
+    // The directory changes after the samples. Otherwise a reader could take a force of the old calibration for a force of
+    // the new one.
     publish_node(now_ns);
     segment_.begin_reload();
     for (auto& part : replacement.sensors)

@@ -1,4 +1,5 @@
-// The sensors and the grasp that a reload of the configuration exchanges. Created and destroyed outside of the loop.
+// The sensors and the grasp that a reload of the configuration exchanges. They are created and destroyed outside of the
+// loop.
 #pragma once
 #include <cstdint>
 #include <memory>

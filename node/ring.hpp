@@ -1,9 +1,9 @@
 // The ring between a link's thread (producer) and the pipeline's (consumer): single producer, single consumer,
 // lock-free. Items are filled and read in place.
 //
-// Each side works on its own position and reads the other's published index only if its remembered copy indicates
-// full or empty; indices are published once per burst. A burst of frames thus costs one cache-line transfer, not one
-// per frame. tests/bench/ring_bench.cpp compares it with boost::lockfree, moodycamel and DPDK.
+// Each side works on its own position and reads the other side's published index only if its copy of this index indicates a
+// full or empty ring. Indices are published once per burst, so that a burst of frames costs one cache-line transfer and not
+// one per frame. tests/bench/ring_bench.cpp compares it with boost::lockfree, moodycamel and DPDK.
 #pragma once
 #include <atomic>
 #include <cassert>
@@ -15,7 +15,7 @@
 
 namespace tactiled {
 
-inline constexpr std::size_t kCacheLine = 128;  // two lines: the adjacent-line prefetcher pairs them
+inline constexpr std::size_t kCacheLine = 128;  // two lines, because the adjacent-line prefetcher fetches pairs
 
 template <class T>
 class Ring {
@@ -25,15 +25,13 @@ public:
         assert(capacity != 0 && (capacity & mask_) == 0);
     }
 
-    // ---- producer ----
-
-    // Returns the next free item to fill, or nullptr if the ring is full: the newest item is then refused and
-    // counted.
+    // Returns the next free item to fill, or nullptr if the ring is full; the caller then refuses and counts the newest
+    // item.
     // rt: wait-free
     [[nodiscard]] T* claim() noexcept {
         if (produced_ - seen_tail_ > mask_) {
             commit();  // the consumer cannot remove items that were not committed
-            // pairs with release(): the reader of the item has finished
+            // pairs with release(): the consumer has finished reading the item
             seen_tail_ = tail_.load(std::memory_order_acquire);
             if (produced_ - seen_tail_ > mask_) return nullptr;
         }
@@ -47,8 +45,6 @@ public:
         committed_ = produced_;
         head_.store(produced_, std::memory_order_release);  // pairs with front(): the items are filled
     }
-
-    // ---- consumer ----
 
     // Returns the oldest item, or nullptr if there is none. rt: wait-free
     [[nodiscard]] const T* front() noexcept {
@@ -82,7 +78,7 @@ private:
         void operator()(T* items) const noexcept { ::operator delete[](items, std::align_val_t{kCacheLine}); }
     };
     static_assert(std::is_trivially_destructible_v<T>);
-    const std::unique_ptr<T[], AlignedDelete> items_;         // aligned to a line: an item of two lines must not touch three
+    const std::unique_ptr<T[], AlignedDelete> items_;         // aligned, so that an item of two lines does not occupy three
     alignas(kCacheLine) std::atomic<std::uint64_t> head_{0};  // items the consumer may read; 64 bits never wrap
     alignas(kCacheLine) std::atomic<std::uint64_t> tail_{0};  // items the producer may overwrite
     alignas(kCacheLine) std::uint64_t produced_ = 0;          // used by the producer only

@@ -1,5 +1,5 @@
-// The right to run the pipeline. Each real-time thread that has work announces it; one thread at a time, the runner,
-// does the work of all. The others return to their devices at once, and no thread waits for a lock.
+// The right to run the pipeline. Each real-time thread announces its work. One thread at a time, the runner, does the work
+// of all threads; the other threads return to their devices immediately. No thread waits for a lock.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -13,9 +13,9 @@ public:
     [[nodiscard]] bool enter() noexcept {
         return announced_.fetch_add(1, std::memory_order_release) == 0;  // pairs with announced()
     }
-    // Repeats `round`, which does all available work, until no thread has announced more. Returns false if after
-    // `max_rounds` there may be more work; the caller is then not the runner any longer and must make another thread
-    // enter(). Runner only.
+    // Repeats `round`, which does all available work, until no thread has announced more work. Returns false if there may be
+    // more work after `max_rounds`; the caller is then no longer the runner and must make another thread enter(). Runner
+    // only.
     // rt: bounded by max_rounds
     template <class Round>
     [[nodiscard]] bool run(int max_rounds, Round&& round) noexcept {
@@ -29,9 +29,9 @@ public:
     }
 
 private:
-    // Returns the number of announcements so far, whose work a round that begins now will find. Acquires them and the
-    // last runner's work: only read-modify-writes change the word, and each continues the release sequences of those
-    // before it.
+    // Returns the number of announcements so far. A round that begins now finds their work. The load acquires the
+    // announcements and the last runner's work, because only read-modify-writes change the word and each continues the
+    // earlier release sequences.
     [[nodiscard]] std::uint32_t announced() const noexcept { return announced_.load(std::memory_order_acquire); }
     // Ends a round that began with `seen` announcements. Returns false if there are new ones; the caller is then
     // still the runner.
@@ -41,7 +41,7 @@ private:
     // Gives up the role while there may be new announcements.
     void resign() noexcept { announced_.exchange(0, std::memory_order_release); }
 
-    std::atomic<std::uint32_t> announced_{1};  // set-up is the first runner: nothing is delivered before it leaves
+    std::atomic<std::uint32_t> announced_{1};  // the set-up is the first runner, so that nothing is delivered before it ends
 };
 
 }  // namespace tactiled

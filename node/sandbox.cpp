@@ -39,7 +39,7 @@ constexpr int kForbidden[] = {
     // mounts and namespaces
     SYS_mount, SYS_umount2, SYS_move_mount, SYS_mount_setattr, SYS_open_tree, SYS_fsopen, SYS_fspick, SYS_pivot_root,
     SYS_chroot, SYS_unshare, SYS_setns, SYS_open_by_handle_at,
-#if defined(__arm__)  // The other calls of these kinds have 16-bit identities and 32-bit times.
+#if defined(__arm__)  // further calls with 16-bit identities or 32-bit times
     SYS_setuid32, SYS_setgid32, SYS_setreuid32, SYS_setregid32, SYS_setresuid32, SYS_setresgid32, SYS_setfsuid32,
     SYS_setfsgid32, SYS_setgroups32, SYS_clock_settime64, SYS_clock_adjtime64,
 #endif
@@ -48,17 +48,17 @@ constexpr int kForbidden[] = {
     SYS_setgroups, SYS_capset, SYS_add_key, SYS_request_key, SYS_keyctl};
 
 #if defined(__arm__)
-constexpr int kMmap = SYS_mmap2;  // The EABI has no other mmap. The protection is the third argument, too.
+constexpr int kMmap = SYS_mmap2;  // The EABI has only mmap2. The protection is its third argument, too.
 #else
 constexpr int kMmap = SYS_mmap;
 #endif
 
-// A call that must not make memory executable, with the bits that its third argument is tested for.
+// A call that must not make memory executable. The call is refused if its third argument has all bits of `protection`.
 struct Restricted {
     int call;
     std::uint32_t protection;
 };
-// Memory becomes code only from a file, as when a library is loaded, not from written memory.
+// Only memory mapped from a file, such as a library, may be executable; written memory may not.
 constexpr Restricted kRestricted[] = {
     {SYS_mprotect, PROT_EXEC}, {SYS_pkey_mprotect, PROT_EXEC}, {kMmap, PROT_WRITE | PROT_EXEC}};
 
@@ -68,8 +68,7 @@ constexpr sock_filter unless_equal(std::uint32_t value, std::uint8_t skip) {
 }
 constexpr sock_filter end_with(std::uint32_t action) { return BPF_STMT(BPF_RET | BPF_K, action); }
 
-// The filter is computed at compile time, so that its set-up needs no resources. Language: linux/filter.h,
-// seccomp(2).
+// The filter is computed at compile time. For its language see linux/filter.h and seccomp(2).
 constexpr auto kFilter = [] {
     constexpr sock_filter refuse = end_with(SECCOMP_RET_ERRNO | EPERM), allow = end_with(SECCOMP_RET_ALLOW);
     constexpr std::size_t third = offsetof(seccomp_data, args) + 2 * sizeof(std::uint64_t);  // its low half: little endian
@@ -80,7 +79,7 @@ constexpr auto kFilter = [] {
     add(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, kMachine, 1, 0));
     add(refuse);
     add(load(offsetof(seccomp_data, nr)));
-    add(BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, 0x40000000, 0, 1));  // x32: the same calls under other numbers
+    add(BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, 0x40000000, 0, 1));  // x32 has the same calls with other numbers
     add(refuse);
     for (const int call : kForbidden) {
         add(unless_equal(std::uint32_t(call), 1));
@@ -104,7 +103,7 @@ bool has_system_call_filter() noexcept { return kMachine != 0; }
 
 std::string enter_sandbox() {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-    return "";  // the sanitizers trace their own process at its end
+    return "";  // the sanitizers use ptrace on their own process at its end
 #else
     if (!has_system_call_filter())
         return "seccomp: no filter of system calls for this processor: the daemon runs without its own sandbox";

@@ -40,14 +40,14 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     s.rate_Hz = stream_.rate_Hz();
     const Estimate e = estimate(frame, s);
     put(e, s);
-    s.epoch = epoch();  // after the estimate: a channel that froze begins a new epoch
+    s.epoch = epoch();  // set after the estimate, because a channel that froze begins a new epoch
     judge_age(frame.age, s);
     tactiled_put_verdict(&s, e.has_value);
     follow_tare(s);
     judge_zero(s);
     tactiled_put_verdict(&s, e.has_value);
     judge_latency(s);
-    // A value that was doubtful, because of saturation for instance, must not contribute to a GOOD one.
+    // A doubtful value, for instance of a saturated channel, must not contribute to a GOOD value through the low pass.
     if (s.quality == TACTILED_BAD || (s.quality == TACTILED_GOOD && own_quality_ == TACTILED_UNCERTAIN)) low_pass_.reset();
     put_tared(s);
     judge_magnitude(s);
@@ -59,7 +59,7 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     return s;
 }
 
-// A value whose age is not proved may be from any time.
+// A value whose age is not proved may be arbitrarily old.
 inline void Sensor::judge_age(Frame::Age age, tactiled_sample& s) const noexcept {
     if (age == Frame::Age::proved) return;
     if (age == Frame::Age::arrival_only) {
@@ -69,7 +69,7 @@ inline void Sensor::judge_age(Frame::Age age, tactiled_sample& s) const noexcept
     s.reasons |= TACTILED_UNPROVED_AGE;
 }
 
-// A frame that is older than stale_ms has no value, as if it had not arrived.
+// A frame that is older than stale_ms gives a BAD sample, as if the frame had not arrived.
 inline tactiled_sample Sensor::late_sample(const Frame& frame, std::uint64_t now_ns) noexcept {
     stream_.arrive_late(frame);
     tactiled_sample s = marker(now_ns);
@@ -90,7 +90,7 @@ inline tactiled_sample Sensor::next_sample(std::uint64_t t_ns, std::uint64_t now
     return s;
 }
 
-// A frame without its device's number may be of any device.
+// A frame without the number of its device counts as a frame of another device.
 bool Sensor::is_of_another_device(const Frame& frame) const noexcept {
     if (frame.n_channels != setup_.frame_channels) return true;
     if (setup_.serial_of_frame < 0) return false;
@@ -121,13 +121,14 @@ Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
     s.saturated = reading.saturated;
     if (setup_.automatic != nullptr) put_method(s);
     Estimate estimate = setup_.automatic == nullptr ? setup_.decoupler->decouple(reading) : decouple(reading);
-    // The reason of a dead channel is FROZEN or IDLE_BUS. MISSING_CHANNEL is a separate cause.
+    // A dead channel has the reason FROZEN or IDLE_BUS, and not MISSING_CHANNEL as well.
     if (dead != 0 && is_complete) estimate.reasons &= ~std::uint32_t(TACTILED_MISSING_CHANNEL);
     estimate.reasons |= of_stream;
     return estimate;
 }
 
-// Returns the channels of the model, in its order and unit. `raw` receives the same channels as numbers of the frame.
+// Returns the channels of the model, in the model's order and unit. `raw` receives the same channels as numbers of the
+// frame.
 inline Reading Sensor::read(const Frame& frame, std::array<double, kMaxChannels>& raw) noexcept {
     Reading reading;
     const std::size_t n = setup_.channel_of_frame.size();
@@ -147,7 +148,7 @@ inline Reading Sensor::read(const Frame& frame, std::array<double, kMaxChannels>
     return reading;
 }
 
-// Returns NaN where it is unknown.
+// Returns NaN if the temperature is unknown.
 inline double Sensor::temperature_C(const Frame& frame) noexcept {
     double t_C = others_temperature_C_;
     if (setup_.temperature_of_sensor < 0) {
@@ -160,18 +161,18 @@ inline double Sensor::temperature_C(const Frame& frame) noexcept {
 
 // ---- method "auto" -----------------------------------------------------------------------------------------------------
 
-// Times the method in some samples, but not while a tare is measured, because its samples must be of one method.
+// Measures the computing time in one of kTimedEvery samples, but not during a tare, whose samples must be of one method.
 Estimate Sensor::decouple(const Reading& reading) noexcept {
     if (sequence_ % kTimedEvery != 0 || zero_.tare() == Tare::running) return setup_.automatic->decouple(reading);
     const std::uint64_t begun_ns = setup_.clock_ns();
     const Estimate estimate = setup_.automatic->decouple(reading);
     const std::uint64_t ns = setup_.clock_ns() - begun_ns;
-    // BAD returns early and would be timed too short
+    // a BAD estimate returns early, so its time would be too short
     if (estimate.has_value) setup_.automatic->took(ns, reading.t_ns);
     return estimate;
 }
 
-// Changes to another method, from this sample on.
+// Uses the method that MethodChoice has selected, from this sample on.
 void Sensor::take_over_method() noexcept {
     const std::size_t now = setup_.automatic->choice().now();
     if (now == method_) return;
@@ -202,7 +203,7 @@ inline void Sensor::follow_tare(tactiled_sample& s) noexcept {
     s.tare_count = zero_.tare_count();
 }
 
-// If the zero of a tare is lost, or unknown for this method, the error of the force is unknown, too.
+// The error of the force is unknown if the zero of the tare is lost or unknown for this method.
 void Sensor::judge_zero(tactiled_sample& s) const noexcept {
     if (zero_.is_known(method_) || s.quality == TACTILED_BAD) return;
     if (zero_.is_lost()) s.reasons |= TACTILED_ZERO_UNKNOWN;
@@ -210,7 +211,7 @@ void Sensor::judge_zero(tactiled_sample& s) const noexcept {
     for (std::size_t i = 0; i < 3; ++i) s.sd_force_N[i] = s.sd_torque_Nm[i] = kNaN;
 }
 
-// The delay of the chain and of the low pass is part of the standard deviation while the force moves.
+// While the force changes, the delays of the chain and of the low pass contribute to the standard deviation.
 inline void Sensor::judge_latency(tactiled_sample& s) noexcept {
     if (s.quality == TACTILED_BAD) return latency_.forget();
     Wrench raw, sd;
@@ -225,7 +226,7 @@ inline void Sensor::judge_latency(tactiled_sample& s) noexcept {
     std::copy_n(sd.begin() + 3, 3, s.sd_torque_Nm);
 }
 
-// Sets the raw wrench minus the zero, low-passed.
+// Sets force and torque to the raw wrench minus the zero, after the low pass.
 void Sensor::put_tared(tactiled_sample& s) noexcept {
     const Wrench& zero = zero_S();
     Wrench tared;
@@ -238,8 +239,8 @@ void Sensor::put_tared(tactiled_sample& s) noexcept {
     std::copy_n(tared.begin() + 3, 3, s.torque_S_Nm);
 }
 
-// Sets contact, overload and peak, from the measured components. Without a value there is no contact; the contact of
-// the last sample is not kept.
+// Sets contact, overload and peak from the measured components. Without a value there is no contact, so the contact of the
+// last sample is not kept.
 void Sensor::judge_magnitude(tactiled_sample& s) noexcept {
     s.peak_N = peak_N_;
     if (s.quality == TACTILED_BAD) return;
@@ -257,7 +258,7 @@ void Sensor::judge_magnitude(tactiled_sample& s) noexcept {
 
 const tactiled_sample& Sensor::compare(const tactiled_sample& others) noexcept {
     const bool differed = agreement_.differs(), differs = agreement_.compare(last_, others);
-    if (differed && !differs) {  // a doubtful value must not contribute to a GOOD one here, either
+    if (differed && !differs) {  // a doubtful value must not contribute to a GOOD value, either
         low_pass_.reset();
         put_tared(last_);
     }
@@ -283,7 +284,7 @@ tactiled_sample Sensor::marker(std::uint64_t now_ns) noexcept {
 
 void Sensor::notice_suspension(std::uint64_t now_ns) noexcept {
     constexpr std::uint64_t kSuspended_ns = 5'000'000;
-    // The clock of a suspended machine is read first: an interruption in between makes the difference smaller.
+    // CLOCK_BOOTTIME is read first, so that an interruption between the two calls makes the difference smaller, not larger.
     const std::uint64_t boot_ns = setup_.boot_ns(), monotonic = tactiled::now_ns();
     const std::uint64_t suspended_ns = boot_ns > monotonic ? boot_ns - monotonic : 0;
     if (suspended_ns > suspended_ns_ + kSuspended_ns && is_started_) stream_.suspended(now_ns);

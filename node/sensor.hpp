@@ -1,6 +1,5 @@
-// One sensor in the pipeline: Frame -> Reading -> Estimate -> tactiled_sample. It selects its channels, has their
-// stream judged (quality.hpp), calls its model and subtracts its zero (zero.hpp). It knows neither links nor shared
-// memory.
+// One sensor in the pipeline: Frame -> Reading -> Estimate -> tactiled_sample. A Sensor selects its channels, checks their
+// stream (quality.hpp), calls its model and subtracts its zero (zero.hpp). It does not use links or shared memory.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -37,13 +36,13 @@ public:
         std::vector<int> channel_of_frame;  // for each channel of the model, its index in the frame
         std::size_t frame_channels = 0;     // number of channels in a frame of this device
         double counts_per_unit = 1;
-        // a stored zero with another id does not belong to this sensor (zero_store.hpp)
+        // identifies the stored zeros of this sensor (zero_store.hpp)
         std::uint32_t zero_id = 0;
-        int temperature_of_frame = -1;   // the channel of a frame that is its temperature in degC; -1: none
-        int temperature_of_sensor = -1;  // the sensor whose temperature is that of this one, too; -1: none
+        int temperature_of_frame = -1;   // channel of a frame with the temperature in degC; -1: none
+        int temperature_of_sensor = -1;  // sensor whose temperature is used for this sensor; -1: none
         TemperatureInUse temperature;
-        int serial_of_frame = -1;  // the channel of a frame that is the number of the device; -1: none
-        double serial = 0;         // the number of the device that the calibration is of
+        int serial_of_frame = -1;  // channel of a frame with the number of the device; -1: none
+        double serial = 0;         // number of the calibrated device
         Tuning tuning;
         std::unique_ptr<Decoupler> decoupler;
         AutoMethod* automatic = nullptr;                 // the decoupler, if it is method "auto"
@@ -69,29 +68,31 @@ public:
     // Sets the daemon's epoch, the upper half of each sample's epoch. Call it once, before the first sample. setup
     void start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept;
 
-    // Returns the sample for a frame that arrived. With method "auto", as many samples after a tare as there are
-    // other methods also run one of these without a past, and so does the first sample after a step. rt: bounded by
-    // the model's decouple()
+    // Returns the sample for a frame that arrived. With method "auto", each sample after a tare also runs one of the other
+    // methods from its initial state, until each has its zero; so does the first sample after a change of the method. rt:
+    // bounded by the model's decouple()
     [[nodiscard]] tactiled_sample sample(const Frame& frame, std::uint64_t now_ns) noexcept;
 
-    // The known delay of each channel of the model, s. Empty = none.
+    // Known delay of each channel of the model, s. Empty = none.
     [[nodiscard]] const std::vector<double>& delay_s() const noexcept { return tuning_->delay_s; }
 
-    // The sensor whose temperature this one takes, -1: none. Report its last sample before each sample of this one.
+    // The sensor whose temperature this sensor uses, -1: none. Pass the last sample of that sensor to take_temperature()
+    // before each sample().
     // rt: wait-free
     [[nodiscard]] int temperature_of_sensor() const noexcept { return setup_.temperature_of_sensor; }
     void take_temperature(const tactiled_sample& of_other) noexcept {
         others_temperature_C_ = double(of_other.temperature_C);
     }
 
-    // The sensor that this one is compared with, -1: none.
+    // The sensor with which this sensor is compared, -1: none.
     [[nodiscard]] int agrees_with() const noexcept { return agreement_.other(); }
-    // Compares the last sample with the other sensor's and returns it: UNCERTAIN if they have differed for too long.
+    // Compares the last sample with the other sensor's and returns the last sample, as UNCERTAIN if the forces have differed
+    // for too long.
     // rt: wait-free
     const tactiled_sample& compare(const tactiled_sample& others) noexcept;
 
-    // Returns true if there is a new discontinuity, or its reason has changed: then publish marker(). `connected` is
-    // the link's state.
+    // Returns true if there is a new discontinuity, or its reason has changed; marker() must then be published. `connected`
+    // is the link's state.
     // rt: wait-free
     [[nodiscard]] bool has_discontinuity(bool connected, std::uint64_t now_ns) noexcept {
         notice_suspension(now_ns);
@@ -104,7 +105,7 @@ public:
     [[nodiscard]] tactiled_sample marker(std::uint64_t now_ns) noexcept;
     [[nodiscard]] bool is_delivering() const noexcept { return stream_.broken() == 0; }
 
-    // Returns true if the sensor has a value now that may be a zero, and no tare is running. rt: wait-free
+    // Returns true if the present value may be a zero and no tare is running. rt: wait-free
     [[nodiscard]] bool can_tare() const noexcept {
         return is_delivering() && Zero::can_be_zero(last_) && zero_.tare() == Tare::none;
     }
@@ -113,7 +114,7 @@ public:
         zero_.begin_tare(now_ns);
         thermometer_.begin_tare();
     }
-    // Returns to the calibration's zero with the next sample, or at once if no sample arrives. rt: wait-free
+    // Returns to the calibration's zero with the next sample, or immediately if no sample arrives. rt: wait-free
     void begin_untare() noexcept {
         zero_.begin_removal(is_delivering());
         low_pass_.reset();
@@ -129,10 +130,10 @@ public:
 
     // Changes the settings from the next sample on. rt: wait-free
     void set(const SensorSettable& settable) noexcept;
-    // Exchanges the tuning with `other`, which measures alike. rt: wait-free
+    // Exchanges the tuning with `other`, which differs only in its tuning. rt: wait-free
     void retune(Sensor& other) noexcept;
-    // Continues in the place of `before`, which measured differently, in a new epoch and without its tare: if there
-    // was one, the zero is unknown until the next tare. Publish marker() afterwards. rt: wait-free
+    // Takes the place of `before`, which measured differently, in a new epoch and without the tare of `before`: if there was
+    // a tare, the zero is unknown until the next tare. Publish marker() afterwards. rt: wait-free
     void succeed(const Sensor& before) noexcept;
     // Restarts the peak with the next sample. rt: wait-free
     void reset_peak() noexcept { peak_N_ = 0; }
@@ -144,18 +145,18 @@ public:
     [[nodiscard]] bool has_lost_zero() const noexcept { return zero_.is_lost(); }
     // Returns true if, with method "auto", a method still needs its zero from the last tare.
     [[nodiscard]] bool is_finding_zeros() const noexcept { return zero_.has_more_to_find(); }
-    // Continues with the tare of an earlier run, or notes that one is lost. Before the first sample. setup
+    // Continues with the tare of an earlier run, or marks that tare as lost. Before the first sample. setup
     void restore_zero(const TaredZero& zero) noexcept { zero_.restore(zero); }
     void lose_zero() noexcept { zero_.lose(); }
     // Returns the zero that was subtracted from the raw wrench of the last sample.
     [[nodiscard]] const Wrench& zero_S() const noexcept { return zero_.of(method_); }
 
 private:
-    // Detects a suspension. CLOCK_MONOTONIC stops while the machine is suspended, so that all waiting data would seem
-    // to be new. rt: wait-free
+    // Detects a suspension. CLOCK_MONOTONIC stops during a suspension, so that all waiting data would seem to be new.
+    // rt: wait-free
     void notice_suspension(std::uint64_t now_ns) noexcept;
     [[nodiscard]] inline tactiled_sample late_sample(const Frame& frame, std::uint64_t now_ns) noexcept;
-    // Inline in sensor.cpp, the only file that uses them.
+    // Defined in sensor.cpp, the only user.
     [[nodiscard]] inline tactiled_sample next_sample(std::uint64_t t_ns, std::uint64_t now_ns) noexcept;
     [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;
     [[nodiscard]] inline Reading read(const Frame& frame, std::array<double, kMaxChannels>& raw) noexcept;
@@ -179,7 +180,7 @@ private:
         chain_delay_s_ = delay_of_components_s(*setup_.decoupler, tuning_->delay_s);
     }
 
-    Setup setup_;                     // without its tuning
+    Setup setup_;                     // `tuning` is moved to tuning_
     std::unique_ptr<Tuning> tuning_;  // the parts below point to it
     SensorSettable requested_, in_force_;
     StreamQuality stream_;
@@ -190,7 +191,7 @@ private:
     std::size_t method_ = 0;  // method "auto": method of zero_S() and low_pass_; else 0
     LowPass low_pass_;
     Latency latency_;
-    Wrench chain_delay_s_{}, delay_s_{};          // a component: without, with the low pass
+    Wrench chain_delay_s_{}, delay_s_{};          // per component: without and with the low pass
     std::array<double, kMaxChannels> channel_{};  // channels of the last frame, in the unit of the calibration
     double others_temperature_C_ = kNaN;
     float peak_N_ = 0;
@@ -198,7 +199,7 @@ private:
     std::uint32_t own_quality_ = TACTILED_BAD;  // quality of last_, before it was compared
     std::uint64_t sequence_ = 0;
     std::uint32_t daemon_epoch_ = 0;
-    std::uint64_t suspended_ns_ = 0;  // minimum since boot
+    std::uint64_t suspended_ns_ = 0;  // largest observed total since boot, less an accepted error
     bool is_started_ = false;         // suspended_ns_ is known
 };
 

@@ -23,11 +23,13 @@ void put(char (&field)[N], const std::string& text) {
 }
 
 constexpr double kTareLimit = 0.2;  // relative to full scale
-constexpr int kFrozenAfter = 100;   // readings, if the driver knows that noise changes them; the least of all limits
-// Times the longest run of equal readings in the calibration's rows. A run of R in n readings is expected if a reading
-// repeats with the probability n^(-1 / R): from 200 readings, ten such runs come once in 10^20 readings.
+constexpr int kFrozenAfter = 100;   // readings, if the driver states that noise changes them; minimum of all limits
+// The limit relative to the longest run R of equal readings in the calibration's rows. If R is the longest run in n
+// readings, the probability that a reading repeats is about n^(-1 / R). A run of 10 R is then expected once in 10^20
+// readings for n = 200.
 constexpr int kFrozenTimes = 10;
-// Without rows at rest: kFrozenAfter readings, and this time. A sensor of few bits may rest for longer: frozen_after = 0.
+// Without rows at rest the limit is kFrozenAfter readings and this time. For a sensor of few bits, whose readings repeat for
+// longer, set frozen_after = 0.
 constexpr std::uint64_t kFrozenUnknownNs = 10'000'000'000;
 
 // Makes the driver of `link` and fills its entry in the directory.
@@ -50,7 +52,7 @@ void make_driver(LinkSettings& settings, Link& link, tactiled_link& directory) {
     link.driver = entry->make(settings.options);
 }
 
-// Returns the index in a frame of each of the calibration's channels.
+// Returns the index in a frame for each channel of the calibration.
 std::vector<int> channel_map(SensorSettings& settings, const Calibration& calibration) {
     std::vector<int> map;
     for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
@@ -103,7 +105,7 @@ tactiled_sensor directory_entry(const SensorSettings& settings, const Calibratio
     return entry;
 }
 
-// A zero of other channels, or of another calibration, does not belong to this sensor.
+// The id of the owner covers the channels and the calibration: a stored zero with another id is not used.
 ZeroOwner zero_owner(const SensorSettings& settings, const Calibration& calibration, const Sensor::Setup& setup) {
     boost::crc_32_type id;
     const auto add = [&](const std::string& text) { id.process_bytes(text.c_str(), text.size() + 1); };
@@ -117,7 +119,7 @@ ZeroOwner zero_owner(const SensorSettings& settings, const Calibration& calibrat
     return owner;
 }
 
-// Returns the number that a serial is: digits, no more than a double distinguishes.
+// Returns the serial as a number if it has only digits, and at most as many as a double can distinguish.
 std::optional<double> number_of(const std::string& serial) {
     constexpr std::size_t kMaxDigits = 15;
     const bool is_number = !serial.empty() && serial.size() <= kMaxDigits &&
@@ -125,7 +127,7 @@ std::optional<double> number_of(const std::string& serial) {
     return is_number ? std::optional<double>(std::stod(serial)) : std::nullopt;
 }
 
-// When a channel that repeats one number counts as frozen; `noisy` is by the driver.
+// Sets the limits from which on a channel that repeats one number counts as frozen. The driver has set `noisy`.
 void put_frozen(const Calibration& calibration, Tuning& tuning) {
     if (tuning.frozen_after == 0) tuning.noisy = false;
     if (tuning.frozen_after >= 0) return tuning.frozen_of.fill({unsigned(tuning.frozen_after), 0});
@@ -142,7 +144,8 @@ void put_frozen(const Calibration& calibration, Tuning& tuning) {
     }
 }
 
-// The settings that a reload may exchange. `driver` is nullptr if it is wrong: then the node does not run.
+// Returns the settings that a reload may exchange. `driver` is nullptr if its configuration is wrong; the node then does not
+// run.
 Tuning tuning_of(const SensorSettings& settings, const Calibration& calibration, const std::vector<int>& channel_of_frame,
                  const float (&full_scale)[6], const Driver* driver) {
     Tuning tuning;
@@ -164,7 +167,7 @@ Tuning tuning_of(const SensorSettings& settings, const Calibration& calibration,
     return tuning;
 }
 
-// A sensor whose files are wrong is left out: the problems state the reason, and the node will not run.
+// Adds the sensor, unless its files are wrong: the reason is then in `problems` and the node does not run.
 void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const std::string& costs_folder) {
     if (method_names(settings.model).empty()) {
         if (settings.model.empty()) return;  // reported already
@@ -242,7 +245,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     node.calibrations.push_back(calibration_text(calibration));
 }
 
-// Sensors that have no force component in common would always agree.
+// Refuses pairs without a common force component, which would always agree.
 void check_pairs(Node& node) {
     constexpr std::uint32_t kForces = 7;
     for (std::size_t i = 0; i < node.config.sensors.size(); ++i) {

@@ -1,5 +1,5 @@
-// Makes links, sensors and a plan of the segment from a configuration file. Used by the daemon and by `tactilectl
-// check`: the daemon starts with every configuration that check accepts.
+// Makes links, sensors and the plan of the segment from a configuration file. The daemon and `tactilectl check` use the same
+// code, so that the daemon starts with every configuration that check accepts.
 #pragma once
 #include <memory>
 #include <string>
@@ -17,11 +17,11 @@ struct Node {
     std::vector<std::string> calibrations;  // the text of each sensor's calibration
     std::vector<ZeroOwner> zeros;           // the owner of each sensor's zero
     std::vector<std::unique_ptr<Link>> links;
-    std::vector<Sensor> sensors;  // in the order of the file, which is the order in segment and register map
+    std::vector<Sensor> sensors;  // in the order of the file, of the segment and of the register map
     std::optional<Grasping::Setup> grasp;
     std::optional<tool::Setup> tool;
     SegmentPlan plan;
-    bool simulated = false;  // the data of a link are
+    bool simulated = false;  // a link has simulated data
 };
 
 // Reads the configuration, every driver's and model's keys and every calibration. All errors go to `problems`; with

@@ -6,12 +6,12 @@
 namespace tactiled {
 namespace {
 constexpr std::uint64_t kJudgeNs = 100'000'000;
-constexpr std::uint64_t kLookForStopNs = 50'000'000;  // while another thread reads the link
+constexpr std::uint64_t kLookForStopNs = 50'000'000;  // while the shared thread reads the link
 constexpr std::uint64_t kIdleNs = 500'000'000;        // between two evaluations while no link is shared
 }  // namespace
 
 Status read_link(Link& link, SegmentWriter& segment, Pipeline& pipeline, int timeout_ms) noexcept {
-    if (link.ring.claim() == nullptr) pipeline.serve();  // full: a burst that is longer than the ring
+    if (link.ring.claim() == nullptr) pipeline.serve();  // the ring is full: the burst is longer than the ring
     const Status status = acquire(link, segment, timeout_ms);
     if (status != Status::frame || link.driver->has_more()) return status;
     const std::uint64_t now_ns = monotonic_ns();
@@ -26,7 +26,7 @@ bool SharedLinks::share(Link& link, Progress::Liveness& cycles, const std::atomi
     for (;;) {
         const std::uint32_t seen = link.lending.returned().value();
         if (link.lending.is_returned()) return link.is_present;
-        // The shared thread may have polled for the last time before the link was left to it.
+        // The last poll of the shared thread may have been before the link was lent.
         const bool ends = stop.load(std::memory_order_acquire) || !active_.load(std::memory_order_relaxed);
         if (ends && link.lending.take_back()) return true;
         cycles.count();
@@ -73,7 +73,7 @@ void SharedLinks::run(Progress::Liveness& cycles, const std::atomic<bool>& stop)
         const std::uint64_t now_ns = monotonic_ns();
         const bool was_active = active_.load(std::memory_order_relaxed);
         judge(now_ns);
-        // once more after the end, so that the links are given back
+        // polls once more after sharing has ended, so that the links are returned
         polls = was_active || active_.load(std::memory_order_relaxed);
         const std::uint64_t period_ns = polls ? kPollNs : kIdleNs;
         next_ns += period_ns;

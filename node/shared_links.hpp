@@ -1,6 +1,6 @@
-// One thread that reads several links. A thread for each link is woken for each frame, and with many links these
-// wake-ups cost more than all other work. Above kBeginReads_per_s, links whose driver can be polled are left to one
-// thread, which reads them all each kPollNs; below kEndReads_per_s each link is read by its own thread again.
+// One thread that reads several links. If each link has its own thread, that thread wakes up for each frame, and with many
+// links these wake-ups cost more than all other work. Above kBeginReads_per_s, one thread polls all links whose driver can
+// be polled, at intervals of kPollNs. Below kEndReads_per_s each link is read by its own thread again.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -26,17 +26,16 @@ public:
     SharedLinks(std::vector<std::unique_ptr<Link>>& links, SegmentWriter& segment, Pipeline& pipeline)
         : links_(links), segment_(segment), pipeline_(pipeline) {}
 
-    // Returns true if the link, which has just delivered a frame, should be left to the shared thread. rt: wait-free;
-    // the link's own thread
+    // Returns true if the shared thread should read the link, which has just delivered a frame. rt: wait-free; the link's
+    // own thread
     [[nodiscard]] bool wants(const Link& link) const noexcept {
         return active_.load(std::memory_order_relaxed) && link.driver->can_poll() && link.read_interval_ns < kFastNs;
     }
-    // Leaves the link to the shared thread, until that thread gives it back or `stop` is set. Returns false if the
-    // device has disconnected. Called by the link's own thread, which counts its liveness meanwhile. rt: blocks
+    // Lends the link to the shared thread, until that thread returns the link or `stop` is set. Returns false if the device
+    // has disconnected. Called by the link's own thread, which counts its liveness meanwhile. rt: blocks
     [[nodiscard]] bool share(Link& link, Progress::Liveness& cycles, const std::atomic<bool>& stop) noexcept;
 
-    // Runs the shared thread: judges the rate, and reads the links that were left to it, until `stop` is set and wake() is
-    // called.
+    // Runs the shared thread: measures the rate of reads and reads the lent links, until `stop` is set and wake() is called.
     void run(Progress::Liveness& cycles, const std::atomic<bool>& stop) noexcept;
     void wake() noexcept { end_.wake(); }
 

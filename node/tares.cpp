@@ -14,12 +14,12 @@ tactiled_command_result result_of(Sensor::Tare ended) noexcept {
     }
 }
 
-// for the file, before and after: with the longest tare, shorter than a commander waits
+// for the file, before and after a tare; together with the longest tare, less than a commander waits
 constexpr std::uint64_t kPatienceNs = 1'250'000'000;
 
 }  // namespace
 
-// The start is all or nothing. Afterwards each sensor at rest takes its zero, whatever the others do.
+// All or nothing: no tare begins if one sensor cannot be tared. Afterwards each sensor succeeds or fails separately.
 bool Tares::begin(std::uint32_t mask, std::uint64_t now_ns) noexcept {
     for (std::size_t i = 0; i < sensors_.size(); ++i)
         if ((mask >> i & 1u) != 0 && !sensors_[i].can_tare()) return false;
@@ -42,7 +42,7 @@ void Tares::announce(std::uint32_t mask, bool removes, std::uint64_t now_ns) noe
     order_ = store_->commit();
 }
 
-// A sensor that has lost its device meanwhile fails.
+// The tare of a sensor whose device has disconnected meanwhile fails.
 void Tares::start(std::uint64_t now_ns) noexcept {
     running_ = std::exchange(waiting_, 0);
     order_ = 0;

@@ -1,5 +1,5 @@
-// Judges the temperature of a sensor: a thermometer that fails, stands still or jumps has no value, and the sensor is then
-// as good as without one. A thermometer that is exchanged for another one jumps.
+// Checks the temperature of a sensor. A thermometer that fails, is frozen or jumps has no value; the sensor is then treated
+// as a sensor without a thermometer. An exchange of the thermometer is a jump.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -12,21 +12,23 @@ namespace tactiled {
 
 class Thermometer {
 public:
-    // `tuning` must outlive it.
+    // `tuning` must outlive this object.
     explicit Thermometer(const Tuning& tuning) : tuning_(&tuning) {}
 
-    // Faster than a board warms up. Channels and thermometer differ while the temperature changes faster.
+    // Faster than a board warms up. If the temperature changes faster, the thermometer does not show the temperature of the
+    // channels.
     static constexpr double kSlew_K_per_s = 0.1;
 
-    // Returns the temperature, NaN if there is none or it is doubtful. After a jump it stays doubtful until it returns to
-    // what it was before; only while there was no reading may it have changed by the slew. rt: wait-free
+    // Returns the temperature, NaN if there is none or it is doubtful. After a jump the temperature is doubtful until it
+    // returns to its value before the jump; a change by the slew is accepted only for the time without readings.
+    // rt: wait-free
     [[nodiscard]] double judge(double t_C, std::uint64_t t_ns) noexcept {
         if (!std::isfinite(t_C)) return kNone;
         if (is_frozen(t_C)) return kNone;
         const double since_s = last_ns_ != 0 && t_ns > last_ns_ ? double(t_ns - last_ns_) * 1e-9 : 0;
         last_ns_ = t_ns;
         if (std::isnan(reference_C_)) reference_C_ = t_C;
-        // The time of a doubt does not count: otherwise any jump would be believed in the end.
+        // The time in doubt does not count; otherwise any jump would be accepted after some time.
         if (since_s > kGap_s || !is_doubtful_) unjudged_s_ += since_s;
         const double walked_K = kSlew_K_per_s * unjudged_s_;
         is_doubtful_ = std::abs(t_C - reference_C_) > tuning_->temperature_jump_K + walked_K;
@@ -36,8 +38,8 @@ public:
         return t_C;
     }
 
-    // During a tare the present temperature counts as true, as the present load counts as none. A tare that fails leaves
-    // the thermometer as doubtful as it was. rt: wait-free
+    // A tare accepts the present temperature as true, like the present load as zero. A failed tare leaves the doubt
+    // unchanged. rt: wait-free
     void begin_tare() noexcept {
         before_tare_C_ = reference_C_;
         reference_C_ = kNone;
@@ -71,10 +73,10 @@ private:
     }
 
     const Tuning* tuning_;
-    double reference_C_ = kNone;  // follows the temperature by the slew
+    double reference_C_ = kNone;  // follows the temperature, at most by the slew
     double before_tare_C_ = kNone, last_C_ = kNone;
     std::uint64_t last_ns_ = 0;
-    double unjudged_s_ = 0;  // since it was last believed, without the time in which it was doubtful
+    double unjudged_s_ = 0;  // since the last accepted temperature, without the time in doubt
     bool is_doubtful_ = false, frozen_ = false;
     unsigned equal_ = 0, moved_ = 0;
 };

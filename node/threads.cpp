@@ -11,24 +11,24 @@
 namespace tactiled {
 namespace {
 
-constexpr int kReadTimeoutMs = 250;  // longest time for which a silent device keeps its thread from noticing stop()
+constexpr int kReadTimeoutMs = 250;  // longest delay of stop() by a thread with a silent device
 constexpr int kMinPauseMs = 50, kMaxPauseMs = 1000;
-constexpr std::uint64_t kPipelineNs = 50'000'000;  // a pipeline that finishes no cycle for this time, and its period, hangs
-constexpr std::uint64_t kRunnerNs = 100'000;       // time in which another thread finishes a cycle
-constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // the same complaint about the same link at most this often
-// An opening that delivered a frame and lasted this long was a real device, which is searched for at once after it
-// disconnects. A shorter one only seems to be a device, such as a server that accepts and hangs up.
+constexpr std::uint64_t kPipelineNs = 50'000'000;    // a pipeline without a cycle for this time plus two periods hangs
+constexpr std::uint64_t kRunnerNs = 100'000;         // time in which another thread should finish a cycle
+constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // minimum interval of equal log lines about one link
+// A device that delivered a frame and was open for this long is reopened after the minimum pause when it disconnects. A
+// shorter opening may be a server that accepts connections and closes them.
 constexpr std::uint64_t kPresentNs = 100'000'000;
-// after this time its next fault is a new one, which gets its own log lines
+// a fault after this time without faults is logged again
 constexpr std::uint64_t kWorkedNs = 1'000'000'000;
 
 // Returns "" on success, else the fault. A driver throws only if there is no memory.
 std::string try_open(Driver& driver) noexcept try { return driver.open(); } catch (const std::exception&) {
     driver.close();
-    return "no memory";  // short enough to need no allocation
+    return "no memory";  // the text is short enough for std::string without an allocation
 }
 
-// Logs a text once, then at most each 10 s while it stays the same.
+// Logs a text once, then at most each 10 s while the text is the same.
 class Complaint {
 public:
     void about(const std::string& link, std::string_view text) noexcept {
@@ -52,11 +52,11 @@ private:
     unsigned times_ = 0;
 };
 
-// Pauses the thread of a device that always has more data: without a wait other links would starve, and LimitRTTIME=
-// would kill the daemon.
+// Pauses the thread of a device that always has more data. Without a pause other links would starve, and systemd's
+// LimitRTTIME= would end the daemon.
 class Breather {
 public:
-    // rt: one system call each 3 ms, and 1 ms of sleep where the thread has not waited since the last one
+    // rt: one system call each 3 ms, and 1 ms of sleep if the thread has not waited since the previous one
     void cycle() noexcept {
         const std::uint64_t now_ns = monotonic_ns();
         if (now_ns - looked_ns_ < kLookNs) return;
@@ -94,7 +94,7 @@ std::vector<std::string> Threads::start() {
             refused.push_back(std::move(what));
     };
     const auto add = [&](const char* name, int priority, std::function<void()> body) {
-        auto& thread = *threads_.emplace_back(std::make_unique<RtThread>());  // first: stop() must find a running thread
+        auto& thread = *threads_.emplace_back(std::make_unique<RtThread>());  // before start(): stop() must find the thread
         note(thread.start(name, priority, wanted.cpu, std::move(body)));
     };
     if (wanted.lock_memory) note(lock_memory());
@@ -104,7 +104,7 @@ std::vector<std::string> Threads::start() {
     const std::uint64_t link_ns =
         node_.config.node.stuck_link_ms == 0 ? UINT64_MAX : std::uint64_t(node_.config.node.stuck_link_ms) * 1'000'000u;
     try {
-        for (auto& link : node_.links)  // below the pipeline's thread: a flood on one link does not delay time limits
+        for (auto& link : node_.links)  // below the pipeline's priority, so that no link delays time limits
             add("link", std::max(1, wanted.priority - 2),
                 [this, &link = *link, cycles = watched(fmt::format("link \"{}\"", link->name), link_ns)] {
                     run_link(link, *cycles);
@@ -145,9 +145,9 @@ void Threads::pause(int ms, Progress::Liveness& cycles) const noexcept {
 
 void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
     Breather breather;
-    Complaint refused, disconnected;  // two: a device may be refused and disconnected alternately
+    Complaint refused, disconnected;  // separate, because a device may be refused and disconnected alternately
     int pause_ms = kMinPauseMs;
-    bool announce = true;  // false after an opening that failed: then "open" is logged for one that works
+    bool announce = true;  // log "open" immediately; false after a failure: log it once the opening has delivered
     LinkCounts& counts = link.driver->counts;
     while (!stop_.load(std::memory_order_acquire)) {
         const std::string wrong = try_open(*link.driver);
@@ -184,8 +184,7 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
             refused.settled();
             disconnected.settled();
         }
-        // After the last commit: see Pipeline::deliver(). Not when the daemon ends, which is not a discontinuity of
-        // the link.
+        // After the last commit, see Pipeline::deliver(). The end of the daemon is not a discontinuity of the link.
         if (!present) {
             link.connected.store(false, std::memory_order_release);
             pipeline_.serve();
@@ -204,7 +203,7 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
 
 void Threads::run_pipeline(std::uint64_t period_ns, Progress::Liveness& wakes) noexcept {
     while (!go_.load(std::memory_order_acquire) && !stop_.load(std::memory_order_acquire))
-        sleep_until(monotonic_ns() + 1'000'000u);  // rights are settled first
+        sleep_until(monotonic_ns() + 1'000'000u);  // waits until start() has obtained the rights
     if (stop_.load(std::memory_order_acquire)) return;
     pipeline_.open();
     Breather breather;
@@ -219,7 +218,7 @@ void Threads::run_pipeline(std::uint64_t period_ns, Progress::Liveness& wakes) n
         wakes.count();
         breather.cycle();
         std::uint64_t until_ns = std::min(monotonic_ns() + period_ns, pipeline_.deadline_ns());
-        // The runner may be a thread of lower priority on this CPU: without a sleep it would never finish.
+        // The runner may be a thread of lower priority on this CPU, which would never finish without a sleep of this thread.
         if (!served) until_ns = std::max(until_ns, monotonic_ns() + kRunnerNs);
         if (!word.sleep(seen, until_ns)) continue;
         const std::uint64_t now_ns = monotonic_ns(), late_ns = now_ns - std::min(now_ns, until_ns);

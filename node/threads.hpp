@@ -1,5 +1,6 @@
 // The threads of a node's data path: one for each link, which opens, reads and reopens its device and delivers its frames;
-// one for the pipeline's time limits and commands; one that wakes sleeping readers.
+// one for the pipeline's time limits and commands; with several links one that can read them together (shared_links.hpp);
+// one that wakes sleeping readers.
 #pragma once
 #include <atomic>
 #include <memory>

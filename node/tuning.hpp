@@ -1,5 +1,5 @@
-// The settings of a sensor that a reload may exchange while it runs. The sensor holds one Tuning, and its parts point to it
-// instead of keeping copies: a new key is a member of SensorTuning and an entry of its table (config/sensor.cpp).
+// The settings of a sensor that a reload may exchange while the sensor runs. The sensor owns one Tuning, and its parts point
+// to this Tuning and keep no copies. A new key is a member of SensorTuning and an entry in its list (config/sensor.cpp).
 #pragma once
 #include <array>
 #include <cstdint>
@@ -10,18 +10,18 @@
 
 namespace tactiled {
 
-// The keys of the configuration, and what follows from them, the calibration and the driver (setup.cpp). The latter is in
-// force where both are here: frozen_of for frozen_after, tare_limit_of_.. for tare_limit_N, delay_s for delay_ms,
+// The keys of the configuration, and values that setup.cpp derives from them, the calibration and the driver. Use the
+// derived value where there are both: frozen_of for frozen_after, tare_limit_of_.. for tare_limit_N, delay_s for delay_ms,
 // thermometer_frozen_after for temperature_frozen_after, and `pair` for the keys agree_...
 struct Tuning : SensorTuning {
-    std::uint64_t stale_ns = 100'000'000;  // no value if there is no frame for longer
+    std::uint64_t stale_ns = 100'000'000;  // longest time without a frame for which the sensor has a value
     // A channel that repeats one number is frozen after this number of readings, if they last this long. 0 readings = never.
     struct Frozen {
         unsigned after = 0;
         std::uint64_t ns = 0;
     };
     std::array<Frozen, kMaxChannels> frozen_of{};
-    bool noisy = false;  // noise changes its numbers in every reading: one number everywhere is an idle bus
+    bool noisy = false;                     // noise changes every reading, so the same number in all channels is an idle bus
     unsigned thermometer_frozen_after = 0;  // readings; 0 = never
     // Limit of a new zero relative to the calibration's: each component's of the force, and of the magnitude; 0 = none.
     std::array<double, 3> tare_limit_of_component_N{};

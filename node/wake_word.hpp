@@ -11,16 +11,16 @@
 
 namespace tactiled {
 
-// A time that is not reached.
+// A time that is never reached.
 inline constexpr std::uint64_t kNever_ns = std::uint64_t(INT64_MAX);
 
 class WakeWord {
 public:
-    // Returns the value to pass to sleep(). Read it before looking for work: a wake in between is then not lost. rt:
-    // wait-free
+    // Returns the value to pass to sleep(). Call it before looking for work, so that a wake() in between is not lost.
+    // rt: wait-free
     [[nodiscard]] std::uint32_t value() const noexcept { return word_.load(std::memory_order_acquire); }
 
-    // Wakes the sleeper, or keeps it from falling asleep. rt: one system call
+    // Wakes the sleeper, or makes its next sleep() return immediately. rt: one system call
     void wake() noexcept {
         word_.fetch_add(1, std::memory_order_release);  // pairs with value(): the work is visible
         ::syscall(SYS_futex, &word_, FUTEX_WAKE, 1, nullptr, nullptr, 0);

@@ -8,7 +8,7 @@
 
 namespace tactiled {
 namespace {
-// short compared with WatchdogSec: the last feeding may follow the hang by this much
+// short compared with WatchdogSec, because the last feeding may be this long after the begin of the hang
 constexpr std::uint64_t kLookNs = 250'000'000;
 }  // namespace
 
@@ -43,7 +43,7 @@ void Watchdog::run() noexcept {
             said = stuck;
             stuck_ns = now_ns;
         }
-        // Systemd's own timer is up to 250 ms late; it serves daemons that cannot even do this.
+        // systemd's own timer is up to 250 ms late. It is needed only if this thread hangs, too.
         if (!stuck.empty() && timeout_us_ != 0 && now_ns - stuck_ns > timeout_us_ * 900) ::sd_notify(0, "WATCHDOG=trigger");
         (void)end_.sleep(seen, now_ns + kLookNs);
     }

@@ -1,5 +1,5 @@
-// Feeds systemd's watchdog (WatchdogSec=) while the pipeline and each link make progress, so that it restarts a
-// daemon that hangs. Without a watchdog it only logs the thread that does not respond.
+// Feeds systemd's watchdog (WatchdogSec=) while the pipeline and each link make progress, so that systemd restarts a daemon
+// that hangs. Without a watchdog the thread that does not respond is only logged.
 #pragma once
 #include <atomic>
 #include <cstdint>

@@ -6,12 +6,12 @@
 namespace tactiled {
 namespace {
 
-// A zero that a method computes from one reading, without a past, must have a known uncertainty.
+// Accepted reasons of a zero that a method computes from one reading in its initial state: its uncertainty must be known.
 constexpr std::uint32_t kOtherMayHave = TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
-// beyond the averaging time: a tare of a slow or stopped sensor fails
+// in addition to the averaging time; the tare of a slow or stopped sensor then fails
 constexpr std::uint64_t kPatienceNs = 2'000'000'000;
 
-// Components that the sensor does not measure have zero 0.
+// The zero of a component that the sensor does not measure is 0.
 Wrench seen_or_0(const Wrench& wrench) noexcept {
     Wrench zero;
     for (std::size_t i = 0; i < zero.size(); ++i) zero[i] = std::isfinite(wrench[i]) ? wrench[i] : 0;
@@ -72,7 +72,7 @@ bool Zero::advance(const tactiled_sample& s, std::span<const double> channel, st
     return true;
 }
 
-// Judges whether the mean of the window may be a zero; `last` is the last sample of the window.
+// Returns `done` if the mean of the window may be a zero, else the reason; `last` is the last sample of the window.
 Tare Zero::verdict(const tactiled_sample& last) const noexcept {
     const double *f = last.sd_force_N, *m = last.sd_torque_Nm;
     if (window_.has_moved({f[0], f[1], f[2], m[0], m[1], m[2]})) return Tare::moved;
@@ -101,7 +101,7 @@ void Zero::restore(const TaredZero& zero) noexcept {
     of_method_ = zero.of_method;
 }
 
-// A method that has begun to run since the tare keeps its past, and is evaluated when it does not run any more.
+// A method that has begun to run since the tare keeps its state; its zero is computed when it no longer runs.
 void Zero::find_other(AutoMethod& automatic, std::size_t method, std::size_t n_channels) noexcept {
     const std::uint32_t idle = to_find_ & ~(1u << method);
     if (idle == 0) return;

@@ -1,8 +1,8 @@
-// The zero of one sensor, which is subtracted from its raw wrench, and the tare that measures the zero.
+// The zero of one sensor, which is subtracted from the raw wrench, and the tare that measures it.
 //
-// With method "auto" each method has a zero of its own, because two methods read different forces from the same channels
-// without a load. A tare measures the zero of the method that runs, and remembers the mean of the channels. The other
-// methods find their zeros from that mean, one method in each later sample.
+// With method "auto" each method has its own zero, because two methods compute different forces from the same channels
+// without a load. A tare measures the zero of the method that runs, and keeps the mean of the channels. The zeros of the
+// other methods are computed from that mean, one method in each later sample.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -18,8 +18,9 @@
 
 namespace tactiled {
 
-// The state of a sensor's tare. A tare has ended from `done` on: with success, or with an unchanged zero because a
-// sample had no value, the force moved, or the new zero differed from the calibration's by more than the limit.
+// The state of a sensor's tare. From `done` on the tare has ended: `done` with success, the others with an unchanged zero,
+// because a sample had no value (failed), the force moved (moved), or the new zero differed from the calibration's by more
+// than the limit (loaded).
 enum class Tare { none, running, removing, done, failed, moved, loaded };
 
 // The result of the tares of a sensor, as it is stored for a restart (zero_store.hpp).
@@ -31,7 +32,7 @@ struct TaredZero {
 
 class Zero {
 public:
-    // `tuning` must outlive it. Other limits leave the zeros unchanged.
+    // `tuning` must outlive this object. Other limits leave the zeros unchanged.
     explicit Zero(const Tuning& tuning) : tuning_(&tuning) {}
 
     // Returns true if the value can be a zero. A mounted sensor may rest outside the calibrated domain, but a
@@ -40,19 +41,19 @@ public:
 
     // rt: wait-free
     void begin_tare(std::uint64_t now_ns) noexcept;
-    // Returns to the calibration's zero with the next sample, or at once if none arrives. rt: wait-free
+    // Returns to the calibration's zero with the next sample, or immediately if no sample arrives. rt: wait-free
     void begin_removal(bool is_delivering) noexcept;
     [[nodiscard]] Tare tare() const noexcept { return tare_; }
     // Returns the state; a tare that has ended is reported once. rt: wait-free
     [[nodiscard]] Tare poll(bool is_delivering, std::uint64_t now_ns) noexcept;
 
-    // Takes the sample that method `method` of `n_methods` made of `channel` into the running tare. Returns true if
-    // the sample completed the tare: the new zero applies to this sample first. rt: wait-free
+    // Adds the sample that method `method` of `n_methods` computed from `channel` to the running tare. Returns true if this
+    // sample completed the tare; it is the first sample with the new zero. rt: wait-free
     [[nodiscard]] bool advance(const tactiled_sample& sample, std::span<const double> channel, std::size_t method,
                                std::size_t n_methods) noexcept;
-    // Notes that a sample has shown the removal of the tare. rt: wait-free
+    // Records that a sample with the tare removed exists. rt: wait-free
     void end_removal() noexcept { tare_ = Tare::done; }
-    // Computes the zero of one method that does not run, if one is due. rt: bounded by that method's decouple()
+    // Computes the zero of one method that does not run, if a zero is still missing. rt: bounded by that method's decouple()
     void find_other(AutoMethod& automatic, std::size_t method, std::size_t n_channels) noexcept;
 
     // Returns the zero of a method; `method` is 0 without "auto".
@@ -63,7 +64,7 @@ public:
     // Returns the number of finished tares since the last removal.
     [[nodiscard]] std::uint32_t tare_count() const noexcept { return tare_count_; }
 
-    // True if a tare was in force whose zero is lost: until the next tare or removal no method has a known zero.
+    // True if a tare was in force whose zero is lost. No method then has a known zero until the next tare or removal.
     [[nodiscard]] bool is_lost() const noexcept { return is_lost_; }
     // rt: wait-free
     void lose() noexcept;

@@ -86,9 +86,9 @@ ZeroStore::~ZeroStore() {
     thread_.join();
 }
 
-// A file that cannot be read may contain any tare, so every sensor may have lost one.
+// A file that cannot be read may have contained a tare of any sensor, so every zero is marked as lost.
 void ZeroStore::load(const std::string& path) {
-    std::error_code ignored;  // a link to nothing is there, and cannot be read
+    std::error_code ignored;  // symlink_status, because a dangling link is a file that cannot be read
     if (path.empty() || std::filesystem::symlink_status(path, ignored).type() == std::filesystem::file_type::not_found)
         return;
     Problems problems;
@@ -168,7 +168,7 @@ void ZeroStore::add(std::uint32_t sensor, const Sensor& of) noexcept { add(senso
 void ZeroStore::add_change(std::uint32_t sensor, const Sensor& of) noexcept { add(sensor, of, {1, ~0u, {}}); }
 
 void ZeroStore::add(std::uint32_t sensor, const Sensor& of, const TaredZero& zero) noexcept {
-    if (of.has_lost_zero()) return;  // a reload has exchanged the sensor: the file keeps the entry that it was tared
+    if (of.has_lost_zero()) return;  // a reload has exchanged the sensor; the file keeps its entry as tared
     Order* const order = orders_.claim();
     refused_ |= order == nullptr;
     if (order == nullptr) return;

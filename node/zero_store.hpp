@@ -1,8 +1,8 @@
 // The zeros of tares, stored in a file for restarts of the daemon.
 //
-// Before a tare, or its removal, begins, the file says that the zero changes; it is acknowledged once the new zero is in the
-// file. A restart in between finds no known zero. While the file cannot be written, tares are refused. A zero is restored
-// for the same sensor with the same calibration, serial, channels and method. Otherwise the sensor knows that its tare is
+// Before a tare or its removal begins, the file is marked: the zero changes. The command is acknowledged after the new zero
+// is in the file. After a restart in between the zero is unknown. Tares are refused while the file cannot be written. A zero
+// is restored for the same sensor with the same calibration, serial, channels and method; otherwise the tare is marked as
 // lost.
 #pragma once
 #include <atomic>
@@ -27,22 +27,22 @@ struct ZeroOwner {
     bool restore = true;               // tare_after_restart = "restore"
 };
 
-// The file in which zeros are kept, and the one from which they are read at the start; "" = nowhere.
+// The file in which zeros are stored, and the file from which they are read at the start; "" = none.
 struct ZeroFiles {
     std::string written, read;
 };
 
-// Returns the file of node `node_name`: the configured one, or else that in $STATE_DIRECTORY (of systemd), or else
+// Returns the file of node `node_name`: the configured file, else a file in $STATE_DIRECTORY (of systemd), else
 // zero_files_in() of /var/lib/tactiled and $XDG_STATE_HOME/tactiled or ~/.local/state/tactiled.
 ZeroFiles zero_files(const std::string& configured, const std::string& node_name);
-// Zeros are kept in the first folder that can be written, or in the last one. They are read from the file that was written
-// last, so that no tare is forgotten because its folder cannot be written any more.
+// Zeros are stored in the first folder that can be written, or else in the last folder. They are read from the newest file,
+// so that no tare is lost if its folder can no longer be written.
 ZeroFiles zero_files_in(const std::vector<std::string>& folders, const std::string& node_name);
 
 class ZeroStore {
 public:
-    // Reads one file, and writes the other one to check that it can be written. `owners` are in the order of the sensors.
-    // Errors are reported in the log. setup: throws SetupError where no thread can be made
+    // Reads `files.read`, and writes `files.written` to check that it can be written. `owners` are in the order of the
+    // sensors. Errors are reported in the log. setup: throws SetupError where no thread can be made
     ZeroStore(ZeroFiles files, std::vector<ZeroOwner> owners);
     ~ZeroStore();
     ZeroStore(const ZeroStore&) = delete;
@@ -53,7 +53,7 @@ public:
     // Changes the owner of sensor `index`; call it before the sensor changes. setup
     void replace_owner(std::size_t index, ZeroOwner owner);
 
-    // ---- by the pipeline's thread ----
+    // The following functions are called by the pipeline.
 
     // True if the file can be written. rt: wait-free
     [[nodiscard]] bool is_usable() const noexcept { return usable_.load(std::memory_order_acquire); }
@@ -63,7 +63,7 @@ public:
     void add_change(std::uint32_t sensor, const Sensor& of) noexcept;
     // Orders the added zeros to be written. Returns the number of this order, 0 if it cannot be taken. rt: one system call
     [[nodiscard]] std::uint32_t commit() noexcept;
-    // Returns true if order `number` was written or has failed; is_usable() says which. rt: wait-free
+    // Returns true if order `number` was written or has failed; is_usable() distinguishes them. rt: wait-free
     [[nodiscard]] bool is_done(std::uint32_t number) const noexcept {
         return std::int32_t(done_.load(std::memory_order_acquire) - number) >= 0;
     }
@@ -88,13 +88,13 @@ private:
 
     std::string path_;
     std::mutex mutex_;               // guards owners_, between the thread and replace_owner()
-    std::vector<ZeroOwner> owners_;  // also of earlier configurations, until their orders are written
+    std::vector<ZeroOwner> owners_;  // including those of earlier configurations until their orders are written
     std::vector<std::size_t> sensor_of_owner_;
     std::vector<Kept> kept_;
     std::string complaint_;
     Ring<Order> orders_{64};
     std::uint32_t number_ = 1;            // used by the pipeline only
-    bool has_added_ = false;              // to the next order
+    bool has_added_ = false;              // the next order has entries
     bool refused_ = false;                // there was no room for an order of the present number
     std::atomic<std::uint32_t> done_{1};  // the first number
     std::atomic<bool> usable_{false}, stop_{false};
