@@ -25,7 +25,7 @@ void put(char (&field)[N], const std::string& text) {
 constexpr double kTareLimit = 0.2;  // relative to full scale
 constexpr int kFrozenAfter = 100;   // readings, if the driver states that noise changes them; minimum of all limits
 // The limit relative to the longest run R of equal readings in the calibration's rows. If R is the longest run in n
-// readings, the probability that a reading repeats is about n^(-1 / R). A run of 10 R is then expected once in 10^20
+// readings, the probability that a reading repeats is about n^(-1 / R). A run of 10 R is then expected once in 10^23
 // readings for n = 200.
 constexpr int kFrozenTimes = 10;
 // Without rows at rest the limit is kFrozenAfter readings and this time. For a sensor of few bits, whose readings repeat for
