@@ -118,7 +118,7 @@ const Fields<RealtimeSettings>& realtime_fields() {
         {TACTILED_KEY(S, lock_memory), true, "Keeps all memory in RAM, so that no page fault delays the loop."},
         {TACTILED_KEY(S, required), false,
          "If true, the daemon ends when the priority or the memory lock is refused. If false, it runs with RT_DEGRADED."},
-        {TACTILED_KEY(S, period_us), 100'000, range(50, 100'000), "us",
+        {TACTILED_KEY(S, period_us), 10'000, range(50, 100'000), "us",
          "Longest time between two cycles of the pipeline. Frames, commands and time limits do not wait for it."},
     };
     return fields;

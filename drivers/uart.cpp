@@ -25,11 +25,10 @@ namespace {
 
 constexpr int kConnectMs = 800;                     // open() may block for a second
 constexpr std::uint64_t kSilentNs = 1'000'000'000;  // the request for a stream is repeated after this silence
-constexpr std::uint64_t kAwayMs = 750;             // bytes may wait this long, plus the cycle of read() (250 ms in the node)
-constexpr int kSliceMs = 10;                       // duration of one slice of a wait, see kLateMs
-constexpr std::uint64_t kQuietNs = 5'000'000'000;  // a device without a byte for this time is not waited for in slices
-constexpr std::uint64_t kLateMs = 20;              // a running process continues this soon after the end of a slice
-constexpr std::uint64_t kStopMs = 20;              // two frames of a device at 100 Hz: a frame that was being sent has ended
+constexpr std::uint64_t kAwayMs = 950;              // bytes may wait this long, plus the cycle of read() (50 ms in the node)
+constexpr int kSliceMs = 10;                        // duration of one slice of a wait, see kLateMs
+constexpr std::uint64_t kLateMs = 20;               // a running process continues this soon after the end of a slice
+constexpr std::uint64_t kStopMs = 20;  // two frames of a device at 100 Hz: a frame that was being sent has ended
 
 class Stream final : public Driver {
 public:
@@ -62,7 +61,7 @@ public:
         if (fd_ < 0) return why;
         decoder_->reset();
         is_direct_ = declared_path_.empty() ? !network_ && is_local_tty(path_) : declared_path_ == "direct";
-        asked_ns_ = heard_ns_ = now_ns();
+        asked_ns_ = now_ns();
         asked_again_ = streamed_ = false;
         if (!ask_for_stream(!network_)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
         if (!tty_overruns(fd_, overruns_at_open_)) overruns_at_open_ = 0;
@@ -90,10 +89,10 @@ public:
         const std::uint64_t cycle_ns = std::uint64_t(timeout_ms) * 1'000'000;
         int ready = timeout_ms == 0;
         for (int left_ms = timeout_ms; ready == 0;) {
-            const int slice_ms = now_ns() - heard_ns_ > kQuietNs ? left_ms : std::min(left_ms, kSliceMs);
+            const int slice_ms = std::min(left_ms, kSliceMs);
             const std::uint64_t waits_ns = with_suspend_ns();
             pollfd waiting{fd_, POLLIN, 0};
-            const timespec timeout{slice_ms / 1000, long(slice_ms % 1000) * 1'000'000};
+            const timespec timeout{0, long(slice_ms) * 1'000'000};
             ready = ::ppoll(&waiting, 1, &timeout, nullptr);
             // the kernel had no bytes at the end of the slice, either
             if (ready == 0) empty_ns_ = waits_ns + std::uint64_t(slice_ms) * 1'000'000;
@@ -106,7 +105,7 @@ public:
         if (size < 0 && errno == EAGAIN) empty_ns_ = reads_ns;
         if (size < 0 && (errno == EINTR || errno == EAGAIN)) return Status::timeout;
         if (size <= 0) return Status::disconnected;  // 0 on a tty is a hang-up and not an end of file
-        const std::uint64_t t_ns = heard_ns_ = now_ns();
+        const std::uint64_t t_ns = now_ns();
         const std::uint64_t waited_ns = with_suspend_ns() - empty_ns_;
         if (waited_ns > cycle_ns + kAwayMs * 1'000'000) return too_old(std::size_t(size));
         since_ns_ = waited_ns > (kSliceMs + kLateMs) * 1'000'000 ? t_ns - waited_ns : 0;
@@ -202,7 +201,6 @@ private:
     std::uint64_t empty_ns_ = 0;
     std::uint64_t since_ns_ = 0;                   // argument since_ns of the bytes in the decoder, see Frame
     std::uint64_t asked_ns_ = 0;                   // time of the request for the stream, or of its last frame
-    std::uint64_t heard_ns_ = 0;                   // time of the opening, or of the last byte
     bool asked_again_ = false, streamed_ = false;  // since open(); a device that is only late was not restarted
     std::uint32_t overruns_at_open_ = 0, overruns_before_ = 0;
     std::array<std::uint8_t, StreamDecoder::kMaxBytes> bytes_{};

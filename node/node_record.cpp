@@ -7,6 +7,8 @@ namespace {
 
 constexpr std::uint64_t kMs = 1'000'000, kSecond = 1000 * kMs;
 constexpr std::uint64_t kHeartbeatNs = 100 * kMs;
+// Longest time between two records. Readers forget the grasp and the tool after 20 ms (reader.h), if a stale_ms is as short.
+constexpr std::uint64_t kNodeRecordNs = 10 * kMs;
 
 template <typename Bit>
 std::uint32_t bit_if(bool on, Bit bit) noexcept {
@@ -69,10 +71,10 @@ void NodeRecord::account(std::uint64_t cycle_ns, std::uint64_t missed) noexcept 
     worst_ns_ = 0;
 }
 
-bool NodeRecord::is_due(std::uint64_t now_ns) const noexcept { return has_news_ || now_ns - node_.t_ns >= period_ns_; }
+bool NodeRecord::is_due(std::uint64_t now_ns) const noexcept { return has_news_ || now_ns - node_.t_ns >= kNodeRecordNs; }
 
 std::uint64_t NodeRecord::deadline_ns() const noexcept {
-    const std::uint64_t record_ns = node_.t_ns + period_ns_;
+    const std::uint64_t record_ns = node_.t_ns + kNodeRecordNs;
     return is_delivering() ? std::min(record_ns, heartbeat_ns_ + kHeartbeatNs) : record_ns;
 }
 

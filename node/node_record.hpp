@@ -22,11 +22,7 @@ public:
     // `status` holds bits that never change while the daemon runs: SIMULATED. setup
     NodeRecord(const std::vector<std::unique_ptr<Link>>& links, const std::vector<Sensor>& sensors, SegmentWriter& segment,
                std::uint32_t status)
-        : links_(links),
-          sensors_(sensors),
-          segment_(segment),
-          period_ns_(std::min<std::uint64_t>(100, std::max(1u, segment.watchdog_ms() * 2 / 5)) * 1'000'000),
-          fixed_status_(status) {}
+        : links_(links), sensors_(sensors), segment_(segment), fixed_status_(status) {}
     // Adds bits to `status`. Before the loop only.
     void add_status(std::uint32_t bits) noexcept { fixed_status_ |= bits; }
     // Sets the time without its cause after which a latched fault is cleared; 0 = never. Before the loop only.
@@ -64,7 +60,7 @@ public:
     // Shows or hides the warning that the last reload was refused. rt: wait-free; from any thread
     void set_reload_refused(bool refused) noexcept { reload_refused_.store(refused, std::memory_order_relaxed); }
 
-    // Returns true if something has changed since the last record, or the record is older than the period. rt: bounded by
+    // Returns true if something has changed since the last record, or the record is 10 ms old. rt: bounded by
     // the number of sensors
     [[nodiscard]] bool is_due(std::uint64_t now_ns) const noexcept;
     // Returns the time of the next record or heartbeat if nothing changes until then. rt: bounded by the number of sensors
@@ -87,8 +83,6 @@ private:
     const std::vector<std::unique_ptr<Link>>& links_;
     const std::vector<Sensor>& sensors_;
     SegmentWriter& segment_;
-    // Longest time between two records: 2/5 of the time after which readers consider the daemon dead, at most 100 ms.
-    std::uint64_t period_ns_;
     std::uint32_t fixed_status_;
     std::atomic<bool> reload_refused_{false};
 

@@ -6,8 +6,7 @@
 namespace tactiled {
 namespace {
 constexpr std::uint64_t kJudgeNs = 100'000'000;
-constexpr std::uint64_t kLookForStopNs = 50'000'000;  // while the shared thread reads the link
-constexpr std::uint64_t kIdleNs = 500'000'000;        // between two evaluations while no link is shared
+constexpr std::uint64_t kLookForStopNs = 50'000'000;
 }  // namespace
 
 Status read_link(Link& link, SegmentWriter& segment, Pipeline& pipeline, int timeout_ms) noexcept {
@@ -75,7 +74,7 @@ void SharedLinks::run(Progress::Liveness& cycles, const std::atomic<bool>& stop)
         judge(now_ns);
         // polls once more after sharing has ended, so that the links are returned
         polls = was_active || active_.load(std::memory_order_relaxed);
-        const std::uint64_t period_ns = polls ? kPollNs : kIdleNs;
+        const std::uint64_t period_ns = polls ? kPollNs : kLookForStopNs;
         next_ns += period_ns;
         if (next_ns <= now_ns) next_ns = now_ns + period_ns;  // skips missed polls
         if (polls)

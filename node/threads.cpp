@@ -11,7 +11,7 @@
 namespace tactiled {
 namespace {
 
-constexpr int kReadTimeoutMs = 250;  // longest delay of stop() by a thread with a silent device
+constexpr int kReadTimeoutMs = 50;  // longest delay of stop() by a thread with a silent device
 constexpr int kMinPauseMs = 50, kMaxPauseMs = 1000;
 constexpr std::uint64_t kPipelineNs = 50'000'000;    // a pipeline without a cycle for this time plus two periods hangs
 constexpr std::uint64_t kRunnerNs = 100'000;         // time in which another thread should finish a cycle
@@ -208,8 +208,10 @@ void Threads::run_pipeline(std::uint64_t period_ns, Progress::Liveness& wakes) n
     pipeline_.open();
     Breather breather;
     WakeWord& word = pipeline_.wake_word();
-    while (!stop_.load(std::memory_order_acquire)) {
-        const std::uint32_t seen = word.value();
+    std::uint64_t grid_ns = monotonic_ns() + period_ns;  // the thread wakes at these times and at the pipeline's deadlines
+    for (;;) {
+        const std::uint32_t seen = word.value();  // before `stop_`, so that the wake of stop() is not lost
+        if (stop_.load(std::memory_order_acquire)) return;
         bool served;
         {
             const Armed armed;
@@ -217,13 +219,16 @@ void Threads::run_pipeline(std::uint64_t period_ns, Progress::Liveness& wakes) n
         }
         wakes.count();
         breather.cycle();
-        std::uint64_t until_ns = std::min(monotonic_ns() + period_ns, pipeline_.deadline_ns());
+        std::uint64_t until_ns = std::min(grid_ns, pipeline_.deadline_ns());
         // The runner may be a thread of lower priority on this CPU, which would never finish without a sleep of this thread.
         if (!served) until_ns = std::max(until_ns, monotonic_ns() + kRunnerNs);
         if (!word.sleep(seen, until_ns)) continue;
-        const std::uint64_t now_ns = monotonic_ns(), late_ns = now_ns - std::min(now_ns, until_ns);
-        segment_.count_lateness(late_ns);
-        pipeline_.add_missed(late_ns / period_ns);
+        const std::uint64_t now_ns = monotonic_ns();
+        segment_.count_lateness(now_ns - std::min(now_ns, until_ns));
+        if (now_ns < grid_ns) continue;
+        const std::uint64_t missed = (now_ns - grid_ns) / period_ns;
+        pipeline_.add_missed(missed);
+        grid_ns += (missed + 1) * period_ns;  // returns to the grid, without a burst
     }
 }
 

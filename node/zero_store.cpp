@@ -198,8 +198,8 @@ void ZeroStore::serve() noexcept {
         try {
             const std::lock_guard lock(mutex_);
             for (; const Order* order = orders_.front(); orders_.pop()) {
-                number = order->number;
                 take(*order);
+                number = order->number;
             }
         } catch (const std::exception& error) {  // no memory: the file is not up to date
             log_line(LogLevel::warning, "{}: {}", path_, error.what());

@@ -31,7 +31,8 @@ struct Args {
 // Result of the comparison of one sensor's samples.
 struct Outcome {
     std::uint64_t frames = 0, compared = 0, equal = 0;
-    std::uint64_t raw_only = 0;  // equal samples that were compared before tare and filter
+    std::uint64_t raw_only = 0;    // equal samples that were compared before tare and filter
+    std::uint64_t without_sd = 0;  // compared samples whose sd depends on frames before the file
     std::string first_difference;
 };
 
@@ -175,6 +176,7 @@ private:
         if (!was) return;
         last_epoch_[i] = was->epoch;
         ++outcome.compared;
+        if (!published.from_the_start(i)) ++outcome.without_sd;
         const bool from_the_start = published.from_the_start(i);
         const bool raw_only = was->tare_count != 0 || (!from_the_start && (was->state & TACTILED_LOW_PASS) != 0);
         const std::string what = difference(*was, is, raw_only, from_the_start);
@@ -240,9 +242,11 @@ int replay(const Args& args) {
                            {"compared", o.compared},
                            {"equal", o.equal},
                            {"before_tare_and_filter", o.raw_only},
+                           {"without_sd", o.without_sd},
                            {"first_difference", o.first_difference}});
         if (!args.json)
-            fmt::print("{}: {} frames, {} samples compared, {} equal bit for bit{}{}\n", name, o.frames, o.compared, o.equal,
+            fmt::print("{}: {} frames, {} samples compared{}, {} equal bit for bit{}{}\n", name, o.frames, o.compared,
+                       o.without_sd != 0 ? fmt::format(" ({} of them without the sd)", o.without_sd) : "", o.equal,
                        o.raw_only != 0 ? fmt::format(" ({} of them before tare and filter)", o.raw_only) : "",
                        o.first_difference.empty() ? "" : "; first difference: " + o.first_difference);
     }

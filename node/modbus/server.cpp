@@ -19,7 +19,7 @@
 namespace tactiled {
 namespace {
 
-constexpr std::uint64_t kTickNs = 250'000'000;  // longest delay of time limits
+constexpr std::uint64_t kTickNs = 50'000'000;  // longest delay of time limits
 constexpr std::uint64_t kAnyTime = ~std::uint64_t(0);
 // A command that waited for so long while the process or the machine stood still is not carried out: its sender has given
 // up.

@@ -174,8 +174,6 @@ def clean(test, daemon, seconds):
     """Runs the daemon for so long. No thread of it may do a thing; returns the report's lines, and what `status` says of the links."""
     daemon.env["RTGUARD_REPORT"] = str(daemon.folder / "guard.json")
     (daemon.folder / "unit.toml").write_text(CALIBRATION)
-    if "[realtime]" not in daemon.config.read_text():  # more cycles than the default of an idle daemon
-        daemon.config.write_text(daemon.config.read_text() + "\n[realtime]\nperiod_us = 10000\n")
     daemon.start()
     time.sleep(seconds)
     links = json.loads(daemon.ctl("status", "--json").stdout)["links"]

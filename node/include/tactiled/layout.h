@@ -382,10 +382,10 @@ enum tactiled_tool_why {
     TACTILED_TOOL_APART = 1 << 6    /* uncertain: the sensors' samples are further apart in time than 50 ms */
 };
 
-/* Returns the quality of a wrench on the gripper with these reasons. */
+/* Returns the quality of a wrench on the gripper with these reasons; an unknown one lowers to UNCERTAIN. */
 static inline uint32_t tactiled_tool_verdict(uint32_t why) {
     if ((why & (TACTILED_TOOL_GRAVITY | TACTILED_TOOL_SENSOR | TACTILED_TOOL_TARE)) != 0) return TACTILED_BAD;
-    return (why & (TACTILED_TOOL_DOUBTED | TACTILED_TOOL_APART)) != 0 ? TACTILED_UNCERTAIN : TACTILED_GOOD;
+    return (why & ~(uint32_t)(TACTILED_TOOL_MOVES | TACTILED_TOOL_TORQUE)) != 0 ? TACTILED_UNCERTAIN : TACTILED_GOOD;
 }
 
 /* The force and torque of the world on the gripper, in its frame G (z out of the palm): the forces of all sensors of [tool],

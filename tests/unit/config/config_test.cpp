@@ -28,7 +28,7 @@ TEST(Config, HasDefaults) {
     EXPECT_EQ(c.realtime.cpu, -1);
     EXPECT_TRUE(c.realtime.lock_memory);
     EXPECT_FALSE(c.realtime.required);
-    EXPECT_EQ(c.realtime.period_us, 100'000);
+    EXPECT_EQ(c.realtime.period_us, 10'000);
     EXPECT_TRUE(c.modbus.enabled());
     EXPECT_EQ(c.modbus.listen, "127.0.0.1:1502");
     EXPECT_TRUE(c.modbus.allow.empty());

@@ -149,7 +149,7 @@ TEST_F(PipelineTest, PublishesANodeRecordEvenWithoutNews) {
     for (int i = 0; i < 100; ++i) turn(1);
     const auto before = look().node.sequence;
     for (int i = 0; i < 400; ++i) turn(1);
-    EXPECT_EQ(look().node.sequence, before + 4);  // each 100 ms
+    EXPECT_EQ(look().node.sequence, before + 40);  // each 10 ms
 }
 
 TEST_F(PipelineTest, TheLastWordIsBad) {

@@ -105,6 +105,7 @@ TEST(Verdict, OfAWrenchOnTheGripper) {
         {TACTILED_TOOL_MOVES, TACTILED_GOOD},     {TACTILED_TOOL_TORQUE, TACTILED_GOOD},
         {TACTILED_TOOL_APART, TACTILED_UNCERTAIN}};
     EXPECT_EQ(tactiled_tool_verdict(0), std::uint32_t(TACTILED_GOOD));
+    EXPECT_EQ(tactiled_tool_verdict(1u << 20), std::uint32_t(TACTILED_UNCERTAIN)) << "unknown";
     for (const auto& [a, best_a] : best)
         for (const auto& [b, best_b] : best) EXPECT_EQ(tactiled_tool_verdict(a | b), std::max(best_a, best_b));
 }
