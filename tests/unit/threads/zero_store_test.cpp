@@ -165,6 +165,22 @@ TEST_F(ZeroStoreTest, AnUntareIsKeptToo) {
     EXPECT_EQ(after(owner()).quality, unsigned(TACTILED_GOOD));
 }
 
+// Most of these tares are handed over while the file is being written.
+TEST_F(ZeroStoreTest, ATareIsDoneOnceItIsInTheFile) {
+    ZeroStore store({path_, path_}, {owner()});
+    auto before = sensors();
+    for (int i = 1; i <= 40; ++i) {
+        tare(before[0], -i);
+        if (i % 4 == 0) {
+            EXPECT_TRUE(keep(store, before[0]));
+            EXPECT_NE(text().find("tare_count = " + std::to_string(i)), std::string::npos) << i;
+        } else {
+            store.add(0, before[0]);
+            EXPECT_NE(store.commit(), 0u) << i;
+        }
+    }
+}
+
 TEST_F(ZeroStoreTest, ADamagedFileMayHaveHeldAnyTare) {
     run_and_tare();
     for (const std::string& damaged :
