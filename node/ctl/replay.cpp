@@ -176,8 +176,8 @@ private:
         if (!was) return;
         last_epoch_[i] = was->epoch;
         ++outcome.compared;
-        if (!published.from_the_start(i)) ++outcome.without_sd;
         const bool from_the_start = published.from_the_start(i);
+        if (!from_the_start) ++outcome.without_sd;
         const bool raw_only = was->tare_count != 0 || (!from_the_start && (was->state & TACTILED_LOW_PASS) != 0);
         const std::string what = difference(*was, is, raw_only, from_the_start);
         if (what.empty() && raw_only) ++outcome.raw_only;
