@@ -131,8 +131,13 @@ class Plc:
     """A Modbus client whose connection ends with the daemon and is restored."""
 
     def __init__(self, port, address):
-        self.client = ModbusTcpClient("127.0.0.1", port=port, source_address=(address, 0), timeout=2)
+        self.port, self.address = port, address
+        self.begin()
         self.client.connect()
+
+    def begin(self):
+        """Takes a new client: pymodbus waits out its whole timeout after a device that once gave no answer."""
+        self.client = ModbusTcpClient("127.0.0.1", port=self.port, source_address=(self.address, 0), timeout=2)
 
     def close(self):
         self.client.close()
@@ -147,6 +152,7 @@ class Plc:
             except Exception:  # pymodbus raises one of several when the connection ends
                 pass
             self.client.close()
+            self.begin()
             time.sleep(0.02)
         raise TimeoutError("no answer")
 

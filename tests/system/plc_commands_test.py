@@ -31,12 +31,19 @@ class Cyclic(threading.Thread):
     def __init__(self, plc):
         super().__init__(daemon=True)
         self.plc, self.block, self.node, self.ended = plc, [0, 0, 0, 0, 0], [0] * 32, threading.Event()
+        self.cycles = 0
         self.start()
 
     def run(self):
         while not self.ended.wait(0.01):
             self.plc.write(5000, *self.block)
             self.node = self.plc.read(0, 32)
+            self.cycles += 1
+
+    def wait_for_cycle(self):
+        """Returns after a whole cycle that began after the call: what is in node was answered now."""
+        until = self.cycles + 2
+        wait_for(lambda: self.cycles >= until, 5, "a whole cycle")
 
     def stop(self):
         self.ended.set()
@@ -55,6 +62,7 @@ class CyclicPlc(unittest.TestCase):
                 held.press(-20.0)
                 for end in (signal.SIGTERM, signal.SIGKILL):
                     held.restart(end)
+                    plc.wait_for_cycle()
                     wait_for(lambda: plc.node[25] == 5 and plc.node[27] == ADOPTED, 5, "the old number to be adopted")
                     for _ in range(20):
                         quality, force_N = held.read_force()
