@@ -132,8 +132,9 @@ class Restart(unittest.TestCase):
         self.until_more(6)
         for key, values in self.seen.values.items():
             ages = [received - taken for received, taken, _ in values[begun[key]:] if taken]
-            # A bridge may have read samples before it was stopped, and the way to this client takes time.
-            self.assertLess(max(ages, default=0), STALE_MS / 1000 + 0.4, key)
+            # The way to this client takes time. One sample was under way if the stop came between its read and its sending.
+            old = [age_s for age_s in ages if age_s > STALE_MS / 1000 + 0.4]
+            self.assertLessEqual(len(old), 1, (key, old))
             count = len(values) - begun[key]
             self.assertLess(count, 300, key)  # 400 samples came in 2 s
 
