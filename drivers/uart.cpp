@@ -11,6 +11,7 @@
 #include <array>
 #include <cassert>
 #include <cerrno>
+#include <charconv>
 #include <cstring>
 #include <utility>
 
@@ -28,6 +29,7 @@ constexpr std::uint64_t kSilentNs = 1'000'000'000;  // the request for a stream 
 constexpr std::uint64_t kAwayMs = 950;              // bytes may wait this long, plus the cycle of read() (50 ms in the node)
 constexpr int kSliceMs = 10;                        // duration of one slice of a wait, see kLateMs
 constexpr std::uint64_t kLateMs = 20;               // a running process continues this soon after the end of a slice
+constexpr std::uint64_t kEchoNs = 1'000'000'000;    // interval of the requests for an echo
 constexpr std::uint64_t kStopMs = 20;  // two frames of a device at 100 Hz: a frame that was being sent has ended
 
 class Stream final : public Driver {
@@ -48,6 +50,9 @@ public:
             decoder_ = format->make(options, counts);
         else
             options.accept_other_keys();
+        echo_ = options.flag("echo", false);
+        if (echo_ && decoder_ != nullptr && !decoder_->has_echo())
+            options.problem("echo", "echo = true needs a format with echo lines: format = \"lines\"");
     }
     ~Stream() override { close(); }
 
@@ -57,7 +62,7 @@ public:
         std::string why;
         empty_ns_ = with_suspend_ns();
         fd_ = network_ ? open_tcp(address_, path_, kConnectMs, why)
-                       : open_tty(path_, {.baud = baud_, .answers = !decoder_->start_bytes().empty()}, why);
+                       : open_tty(path_, {.baud = baud_, .answers = echo_ || !decoder_->start_bytes().empty()}, why);
         if (fd_ < 0) return why;
         decoder_->reset();
         is_direct_ = declared_path_.empty() ? !network_ && is_local_tty(path_) : declared_path_ == "direct";
@@ -74,10 +79,8 @@ public:
     }
 
     Status read(Frame& frame, int timeout_ms) noexcept override {
-        if (decoder_->next(frame)) {
-            frame.since_ns = since_ns_;
-            return Status::frame;
-        }
+        if (take(frame)) return Status::frame;
+        if (echo_ && now_ns() - echo_ns_ > kEchoNs && !ask_for_echo()) return Status::disconnected;
         if (now_ns() - asked_ns_ > kSilentNs && !decoder_->start_bytes().empty()) {  // the device may have lost its supply
             asked_ns_ = now_ns();
             asked_again_ = streamed_;
@@ -111,8 +114,7 @@ public:
         since_ns_ = waited_ns > (kSliceMs + kLateMs) * 1'000'000 ? t_ns - waited_ns : 0;
         if (std::size_t(size) + 1 < bytes_.size()) empty_ns_ = reads_ns;  // a read from a full tty returns one byte less
         decoder_->push({bytes_.data(), std::size_t(size)}, t_ns, t_ns - waited_ns);
-        if (!decoder_->next(frame)) return Status::timeout;
-        frame.since_ns = since_ns_;
+        if (!take(frame)) return Status::timeout;
         asked_ns_ = frame.t_ns;
         streamed_ = true;
         if (std::exchange(asked_again_, false)) ++counts[TACTILED_LINK_RESTARTED];
@@ -147,10 +149,31 @@ public:
         return {.path = is_direct_ ? Route::Path::direct : Route::Path::network,
                 .device_clock = true,
                 .reopening_discards = network_ && !is_direct_,
-                .clock_ppm = clock_ppm_};
+                .clock_ppm = clock_ppm_,
+                .is_assumed = declared_path_.empty()};
     }
 
 private:
+    [[nodiscard]] bool take(Frame& frame) noexcept {
+        if (!decoder_->next(frame)) return false;
+        frame.since_ns = since_ns_;
+        const StreamDecoder::Echo echo = decoder_->take_echo();
+        if (echo_ && echo.number != 0 && echo.number == echo_number_) {
+            frame.asked_ns = echo_ns_;
+            frame.answered_us = echo.time_us;
+        }
+        return true;
+    }
+
+    bool ask_for_echo() noexcept {
+        std::array<char, 16> line{'?'};
+        if (++echo_number_ == 0) ++echo_number_;
+        char* const end = std::to_chars(line.data() + 1, line.data() + line.size() - 1, echo_number_).ptr;
+        *end = '\n';
+        echo_ns_ = now_ns();
+        return tell({reinterpret_cast<const std::uint8_t*>(line.data()), std::size_t(end + 1 - line.data())});
+    }
+
     // A device that already streams reacts only to its stop bytes. `stop_first`: a tty, at opening.
     bool ask_for_stream(bool stop_first) noexcept {
         if (decoder_->start_bytes().empty()) return true;
@@ -194,6 +217,9 @@ private:
     std::string declared_path_;  // "": as the kernel reports
     double clock_ppm_ = 0;
     bool is_direct_ = false;
+    bool echo_ = false;
+    std::uint32_t echo_number_ = 0;  // of the last request
+    std::uint64_t echo_ns_ = 0;      // its time
     // nullptr if the configuration has an error: the node then does not open the link
     std::unique_ptr<StreamDecoder> decoder_;
     int fd_ = -1;

@@ -72,8 +72,13 @@ struct Link {
     std::uint64_t read_ns = 0, read_interval_ns = UINT64_MAX;  // end of the last burst, and time between the last two
     // Used by the reader only, except LinkAge::proof().
     LinkAge age;
+    bool is_proving = false;   // the link was closed only to prove the age of its frames
+    std::uint32_t stream = 0;  // number of the stream: the openings, except those that prove the age
     RefusedFrames refused;
     Frame spare;  // receives the frame that the ring refuses
+
+    // Written by the pipeline: an object is held, and an opening may wait.
+    std::atomic<bool> is_busy{false};
 
     // Used by the pipeline only.
     bool was_connected = false;   // `connected`, as read before the ring was last emptied

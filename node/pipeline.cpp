@@ -17,7 +17,7 @@ Status acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
         if (slot == nullptr && (slot = link.ring.claim()) != nullptr) *slot = link.spare;  // the pipeline has made room
         if (slot != nullptr) {
             slot->lost += link.refused.take(slot->device);
-            slot->opening = driver.counts[TACTILED_LINK_OPENED];
+            slot->opening = link.stream;
             link.ring.push();
         } else {
             link.refused.add(link.spare.device, link.spare.lost + 1);
@@ -27,7 +27,10 @@ Status acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
     if (status != Status::frame || !driver.has_more()) {  // once per burst, not per frame
         link.ring.commit();
         segment.set_link_counts(link.index, driver.counts.count);
-        if (link.age.asks_for_reopening()) return Status::disconnected;
+        if (link.age.asks_for_reopening(link.is_busy.load(std::memory_order_relaxed))) {
+            link.is_proving = true;
+            return Status::disconnected;
+        }
     }
     return status;
 }

@@ -72,7 +72,6 @@ std::string Reloader::try_reload(Pipeline& pipeline, Problems& problems) {
                      fmt::format("the pipeline did not respond within {} ms; the reload was aborted", kPatienceMs));
         return "";
     }
-    for (std::size_t i = 0; i < running_.links.size(); ++i) running_.links[i]->age.retune(fresh.links[i]->age);
     now_ = std::move(next);
     announced_.clear();
     return done;

@@ -236,8 +236,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     for (auto& link : node.links) {
         if (link->name != settings.link) continue;
         link->bindings.push_back({std::uint16_t(settings.device), std::uint16_t(node.sensors.size())});
-        link->age.add(std::uint16_t(settings.device), {settings.rate_Hz, settings.rate_tolerance},
-                      std::uint64_t(settings.stale_ms) * 1'000'000u);
+        link->age.add(std::uint16_t(settings.device), std::uint64_t(settings.stale_ms) * 1'000'000u);
         driver = link->driver.get();
     }
     setup.tuning = tuning_of(settings, calibration, setup.channel_of_frame, entry.full_scale, driver);

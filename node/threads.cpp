@@ -143,6 +143,14 @@ void Threads::pause(int ms, Progress::Liveness& cycles) const noexcept {
     }
 }
 
+// Publishes that the link is disconnected: after its last commit, see Pipeline::deliver().
+void Threads::end_stream(Link& link) noexcept {
+    link.is_proving = false;
+    segment_.set_link_state(link.index, TACTILED_LINK_CLOSED);
+    if (!link.connected.exchange(false, std::memory_order_release)) return;
+    pipeline_.serve();
+}
+
 void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
     Breather breather;
     Complaint refused, disconnected;  // separate, because a device may be refused and disconnected alternately
@@ -152,6 +160,7 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
     while (!stop_.load(std::memory_order_acquire)) {
         const std::string wrong = try_open(*link.driver);
         if (!wrong.empty()) {
+            end_stream(link);
             segment_.set_link_count(link.index, TACTILED_LINK_OPEN_FAILED, ++counts[TACTILED_LINK_OPEN_FAILED]);
             segment_.set_link_count(link.index, TACTILED_LINK_RESTARTED, counts[TACTILED_LINK_RESTARTED]);  // by open()
             refused.about(link.name, wrong);
@@ -160,6 +169,7 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
             continue;
         }
         ++counts[TACTILED_LINK_OPENED];
+        if (!std::exchange(link.is_proving, false)) ++link.stream;
         link.age.opened(monotonic_ns());
         if (announce) log_line(LogLevel::info, "link \"{}\": open", link.name);
         segment_.set_link_state(link.index, TACTILED_LINK_OPEN);
@@ -184,19 +194,19 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
             refused.settled();
             disconnected.settled();
         }
-        // After the last commit, see Pipeline::deliver(). The end of the daemon is not a discontinuity of the link.
-        if (!present) {
-            link.connected.store(false, std::memory_order_release);
-            pipeline_.serve();
-        }
-        segment_.set_link_state(link.index, TACTILED_LINK_CLOSED);
+        // The end of the daemon is not a discontinuity of the link.
+        if (!present && !link.is_proving) end_stream(link);
         link.driver->close();
         if (present) break;
+        if (link.is_proving) {
+            pause(int(link.age.closed_ns() / 1'000'000), cycles);
+            continue;
+        }
         segment_.set_link_count(link.index, TACTILED_LINK_GONE, ++counts[TACTILED_LINK_GONE]);
         announce = worked;
         if (counts[TACTILED_LINK_FRAMES] != frames && monotonic_ns() - opened_ns >= kPresentNs) pause_ms = kMinPauseMs;
         disconnected.about(link.name, "the device is disconnected; waiting for it to return");
-        pause(std::max(pause_ms, int(link.age.closed_ns() / 1'000'000)), cycles);
+        pause(pause_ms, cycles);
         pause_ms = std::min(2 * pause_ms, kMaxPauseMs);
     }
 }

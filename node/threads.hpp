@@ -33,6 +33,7 @@ public:
     void stop() noexcept;
 
 private:
+    void end_stream(Link& link) noexcept;
     void run_link(Link& link, Progress::Liveness& cycles) noexcept;
     void run_pipeline(std::uint64_t period_ns, Progress::Liveness& wakes) noexcept;
     void pause(int ms, Progress::Liveness& cycles) const noexcept;

@@ -121,9 +121,22 @@ bool AsciiDecoder::read_line(std::string_view line, Frame& frame) noexcept {
             return reject(TACTILED_LINK_BAD_CHECKSUM);
         line = line.substr(0, star);
     }
+    if (text.front() == '!') return read_echo(trimmed(line).substr(1));
     // A first line without a checksum may have lost its beginning and still look complete.
     if (!is_synchronised() && star == std::string_view::npos) return reject(TACTILED_LINK_BAD_LENGTH);
     return read_cells(line, frame);
+}
+
+// !number,time: the answer to ?number
+bool AsciiDecoder::read_echo(std::string_view line) noexcept {
+    Echo echo;
+    std::uint64_t time_us = 0;
+    bool more = true;
+    if (!read_number(cut_cell(line, ',', more), echo.number) || !more || !read_number(cut_cell(line, ',', more), time_us) || more)
+        return reject(TACTILED_LINK_BAD_VALUE);
+    echo.time_us = std::uint32_t(time_us);
+    echo_ = echo;
+    return false;
 }
 
 bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {

@@ -26,9 +26,11 @@ public:
     void reset() noexcept override;
     std::string freshness() const override;
     std::string advice() const override;
+    bool has_echo() const noexcept override { return true; }
 
 private:
     bool read_line(std::string_view line, Frame& frame) noexcept override;
+    bool read_echo(std::string_view line) noexcept;
     bool read_cells(std::string_view line, Frame& frame) noexcept;
 
     AsciiFormat format_;

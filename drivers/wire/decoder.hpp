@@ -8,6 +8,7 @@
 #include <cstring>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "drivers/driver.hpp"
 #include "drivers/frame.hpp"
@@ -72,6 +73,15 @@ public:
     }
     [[nodiscard]] virtual std::string advice() const { return ""; }
 
+    // An answer of the device to a request for an echo: the number of the request, and the device's time.
+    struct Echo {
+        std::uint32_t number = 0, time_us = 0;
+    };
+    // True if the format has such answers. setup
+    [[nodiscard]] virtual bool has_echo() const noexcept { return false; }
+    // Returns the last answer once; number 0 = none. rt: wait-free
+    [[nodiscard]] Echo take_echo() noexcept { return std::exchange(echo_, {}); }
+
     // Bytes that start and stop the stream of a device; empty if the device sends by itself. rt: wait-free
     [[nodiscard]] virtual std::span<const std::uint8_t> start_bytes() const noexcept { return {}; }
     [[nodiscard]] virtual std::span<const std::uint8_t> stop_bytes() const noexcept { return {}; }
@@ -81,6 +91,7 @@ protected:
     [[nodiscard]] virtual bool take(std::uint8_t byte, Frame& frame) noexcept = 0;
 
     LinkCounts& counts_;
+    Echo echo_;
 
 private:
     std::array<std::uint8_t, kMaxBytes> bytes_{};

@@ -111,7 +111,7 @@ constexpr Judged kJudged[] = {
 // A stream of 1 kHz with a jitter of 1 ms and a clock that is 50 ppm fast.
 class JudgedStream {
 public:
-    explicit JudgedStream(const Judged& kind) : kind_(kind), age_(1000, 0.2, 100'000'000) { age_.open(kind.route); }
+    explicit JudgedStream(const Judged& kind) : kind_(kind), age_(100'000'000) { age_.open(kind.route); }
 
     std::uint64_t run(std::uint64_t frames) {
         std::uint64_t sum = 0;

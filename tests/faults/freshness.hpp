@@ -10,7 +10,6 @@
 
 #include "drivers/wire/ascii_line.hpp"
 #include "drivers/wire/cobs_frame.hpp"
-#include "drivers/wire/reopening_pace.hpp"
 #include "drivers/wire/stream_age.hpp"
 
 namespace tactiled::faults {
@@ -59,7 +58,7 @@ public:
     FreshnessRun(const Stream& stream, std::uint64_t seed)
         : stream_(stream),
           random_(seed),
-          age_(stream.rate_Hz * stream.declared, 0.2, std::uint64_t(stream.stale_ms * 1e6)),
+          age_(std::uint64_t(stream.stale_ms * 1e6)),
           sequence_(std::uint32_t(random_())),
           offset_us_(double(random_() % 4'000'000'000u)),
           lines_({.channels = 1, .sequence = stream.sequence, .time_us = stream.clock, .crc16 = true}, counts_),
@@ -208,10 +207,12 @@ private:
         }
         // The link's thread looks each period, too.
         const std::uint64_t now_ns = host_ns(now_s_);
-        if (stream_.reopening_discards && age_.asks_for_reopening(now_ns) && pace_.allows(now_ns, age_.trouble_ns())) {
-            ++tally.reopened;
-            reopen();
-        }
+        if (!age_.may_ask() || !age_.asks_for_reopening(now_ns, false) || now_ns < asked_ns_ + pause_ns_) return;
+        const bool helped = age_.trouble_ns() == 0 || age_.trouble_ns() > asked_ns_;
+        pause_ns_ = helped ? 1'000'000'000 : std::min<std::uint64_t>(2 * pause_ns_, 60'000'000'000);
+        asked_ns_ = now_ns;
+        ++tally.reopened;
+        reopen();
     }
 
     void send() {
@@ -324,7 +325,7 @@ private:
     Stream stream_;
     std::mt19937_64 random_;
     StreamAge age_;
-    ReopeningPace pace_;
+    std::uint64_t asked_ns_ = 0, pause_ns_ = 1'000'000'000;
     std::uint32_t sequence_, before_ = 0;
     std::uint64_t device_us_seen_ = 0;
     double offset_us_, now_s_ = 1000, device_us_ = 0, temperature_ = 0, next_temperature_s_ = 0;

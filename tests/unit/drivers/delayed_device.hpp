@@ -12,8 +12,8 @@ using Path = Route::Path;
 
 // A device of 100 Hz whose frames come 1 ms after they were measured, unless a test says otherwise.
 struct Device {
-    explicit Device(Route route, bool clock = true, bool counter = true, double declared_Hz = 100)
-        : age(declared_Hz, 0.2, 100 * kMs), has_clock(clock), has_sequence(counter) {
+    explicit Device(Route route, bool clock = true, bool counter = true)
+        : age(100 * kMs), has_clock(clock), has_sequence(counter) {
         open(route);
     }
     void open(Route route) { age.open(route); }
@@ -33,15 +33,6 @@ struct Device {
     }
     void run(int frames, double delay_ms = 1) {
         for (int i = 0; i < frames; ++i) (void)next(delay_ms);
-    }
-
-    // The first frame after an opening, measured `missing_ms` after the last one, and those of the 50 ms until the age is
-    // proved. Returns the one that is.
-    Frame reopened(double missing_ms, double delay_ms = 1, double period_ms = 10) {
-        Frame frame = next(delay_ms, missing_ms);
-        EXPECT_EQ(frame.age, Frame::Age::unproved);
-        for (double ms = 0; ms <= 50; ms += period_ms) frame = next(delay_ms, period_ms);
-        return frame;
     }
 
     StreamAge age;

@@ -142,7 +142,7 @@ TEST(I2cSchedule, AValueThatWaitedInTheChipIsNotNew) {
             ASSERT_EQ(bench.schedule.open(), "");
             std::int64_t usual_ns = 0;
             for (const auto& one : bench.run(3)) usual_ns = std::max(usual_ns, one.age_ns);
-            StreamAge age(0, 0.2, 100'000'000);
+            StreamAge age(100'000'000);
             age.open({.path = Route::Path::polled});
             Frame frame;
             for (std::uint64_t phase = 0; phase < 40; ++phase) {

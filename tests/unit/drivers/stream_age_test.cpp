@@ -1,35 +1,279 @@
-// The age of frames on a cable, by their times of arrival, by requests, and the rules that all proofs have in common.
+// The bound of the age: what makes it grow, what makes it small again, and what begins again.
 #include <gtest/gtest.h>
 
 #include <utility>
 
 #include "delayed_device.hpp"
-#include "drivers/wire/reopening_pace.hpp"
 
 namespace tactiled {
 namespace {
 
-TEST(StreamAge, ADeviceThatPausesIsProvedByItsClockAtOnceAndByItsCounterWhenTheConnectionWasOpenedAgain) {
-    Device clocked(network()), counted(connection(), false), pty(network(), false);
-    for (Device* device : {&clocked, &counted, &pty}) device->run(1000);
-    EXPECT_EQ(clocked.next(1, 2000).age, Age::proved);
-    EXPECT_EQ(counted.next(1, 2000).age, Age::unproved);
-    EXPECT_EQ(pty.next(1, 2000).age, Age::unproved);
-    for (int i = 0; i < 49; ++i) {
-        EXPECT_EQ(counted.next().age, Age::unproved);
-        EXPECT_FALSE(counted.age.asks_for_reopening(counted.measured_ns));
+// ---- the bound grows -----------------------------------------------------------------------------------------------------
+
+TEST(StreamAge, TheBoundGrowsByTheDriftOfTheClocksUntilAProof) {
+    for (const bool clock : {true, false}) {
+        Device device(network(), clock);
+        const double first_ns = device.next().bound_ns;
+        device.run(10'000);  // 100 s at 200 ppm
+        EXPECT_NEAR(device.next().bound_ns - first_ns, 20e6, 1e6);
+        device.run(40'000);
+        EXPECT_EQ(device.next().age, Age::unproved);
+        Frame frame = device.next();
+        frame.asked_ns = 1;
+        frame.answered_us = std::uint32_t(frame.device_time_us);
+        ++frame.sequence;
+        ++device.sequence;
+        device.age.judge(frame, frame.taken_ns, frame.taken_ns - 3 * kMs);
+        EXPECT_EQ(frame.age, Age::proved) << "an echo";
+        EXPECT_LE(frame.bound_ns, 3.1e6);
     }
-    for (int i = 0; i < 3; ++i) EXPECT_EQ(counted.next().age, Age::unproved);
-    EXPECT_TRUE(counted.age.asks_for_reopening(counted.measured_ns));
-    counted.open(connection());
-    counted.sequence += 5;
-    EXPECT_EQ(counted.reopened(60).age, Age::proved);
-    pty.run(100);
-    EXPECT_FALSE(pty.age.asks_for_reopening(pty.measured_ns));
-    pty.open(network());
-    pty.sequence += 5;
-    EXPECT_EQ(pty.next(1, 60).age, Age::unproved) << "what is behind a pseudo terminal keeps its backlog";
 }
+
+TEST(StreamAge, AGrowingQueueWithinTheDriftIsUncertainBeforeItIsOld) {
+    Device device(network());
+    double delay_ms = 1;
+    for (int i = 0; i < 200'000; ++i, delay_ms += 0.0019) {
+        device.clock_zero_ns -= 1900;  // the device's clock is 190 ppm fast, so its time and its rate look perfect
+        const Frame frame = device.next(delay_ms);
+        ASSERT_FALSE(frame.age == Age::proved && frame.late_ns < 100 * kMs && delay_ms > 150) << i;
+    }
+    EXPECT_FALSE(device.age.may_ask());
+}
+
+TEST(StreamAge, ABoundOfHalfOfStaleAsksForAnOpening) {
+    Device device(connection());
+    device.run(100);
+    EXPECT_FALSE(device.age.asks_for_reopening(device.measured_ns, false));
+    device.run(30'000);
+    EXPECT_TRUE(device.age.asks_for_reopening(device.measured_ns, false));
+    EXPECT_FALSE(device.age.asks_for_reopening(device.measured_ns, true)) << "an object is held";
+    device.run(10'000);
+    EXPECT_TRUE(device.age.asks_for_reopening(device.measured_ns, true));
+}
+
+// ---- proofs --------------------------------------------------------------------------------------------------------------
+
+TEST(StreamAge, AnOpeningProvesOnlyIfTheFramesOfTheClosedTimeAreMissing) {
+    for (const bool clock : {true, false})
+        for (const bool keeps : {true, false}) {
+            Device device(connection(), clock);
+            device.run(30'000);
+            const double before_ns = device.next().bound_ns;
+            const std::uint64_t opened_ns = device.measured_ns + 100 * kMs;
+            device.age.open(connection(), opened_ns);
+            if (!keeps) {
+                device.measured_ns += 100 * kMs;
+                device.sequence += 10;
+            }
+            const Frame frame = device.next(keeps ? 101 : 1);
+            if (keeps)
+                EXPECT_GT(frame.bound_ns, before_ns + 50e6) << clock;
+            else
+                EXPECT_LT(frame.bound_ns, 12e6) << clock;
+        }
+}
+
+TEST(StreamAge, AGatewayThatKeepsAFullQueueIsNotProvedByOpeningItAgain) {
+    Device device(connection());
+    device.run(30'000);
+    double delay_ms = 1;
+    for (int i = 0; i < 20; ++i) {
+        device.age.open(connection(), device.measured_ns + std::uint64_t(delay_ms * 1e6) + 100 * kMs);
+        if (delay_ms < 1000)
+            delay_ms += 100;
+        else {
+            device.measured_ns += 100 * kMs;  // it drops the oldest ones
+            device.sequence += 10;
+        }
+        device.run(50, delay_ms);
+        const Frame frame = device.next(delay_ms);
+        ASSERT_FALSE(frame.age == Age::proved && frame.late_ns < 100 * kMs && delay_ms > 150) << i;
+    }
+}
+
+TEST(StreamAge, TwoProofsMeasureTheRateOfAResonator) {
+    Device device(connection());
+    for (int minute = 0; minute < 20; ++minute) {
+        for (int i = 0; i < 2000; ++i) {
+            device.clock_zero_ns += 30'000;  // 0.3 % slow, and 200 ppm are declared
+            (void)device.next();
+        }
+        device.age.open(connection(), device.measured_ns + 50 * kMs);
+        device.measured_ns += 50 * kMs;
+        device.clock_zero_ns += 150'000;
+        device.sequence += 5;
+        const Frame frame = device.next();
+        if (minute > 1) {
+            EXPECT_EQ(frame.age, Age::proved) << minute;
+            EXPECT_LT(frame.late_ns, 50 * kMs) << minute;
+        }
+    }
+    EXPECT_NEAR(device.age.rate_error(), 0.003, 1e-4);
+}
+
+TEST(StreamAge, ARequestIsProofInItself) {
+    Device device({.path = Path::polled}, false, false);
+    device.run(10);
+    const Frame frame = device.next(1, 5000);
+    EXPECT_EQ(frame.age, Age::proved);
+    EXPECT_EQ(frame.late_ns, 0u);
+    EXPECT_EQ(device.age.proof(), StreamAge::Proof::polled);
+}
+
+// The answer lay there while the thread was starved, or came late: the value may be as old as the request.
+TEST(StreamAge, AnAnswerThatTookLongerMayBeOlderThanItsReading) {
+    StreamAge age(100 * kMs);
+    age.open({.path = Path::polled});
+    for (const unsigned took_ms : {5u, 49u, 60u, 2000u}) {
+        Frame frame;
+        frame.t_ns = frame.taken_ns = 10 * kS;
+        frame.since_ns = frame.t_ns - took_ms * kMs;
+        age.judge(frame, frame.taken_ns);
+        EXPECT_EQ(frame.late_ns, took_ms > 50 ? (took_ms - 50) * kMs : 0) << took_ms;
+        EXPECT_EQ(frame.t_ns, 10 * kS - frame.late_ns) << took_ms;
+    }
+}
+
+// ---- a lag, a pause ------------------------------------------------------------------------------------------------------
+
+TEST(StreamAge, ALagIsMeasuredByTheClockAndEndsWithIt) {
+    Device device(network());
+    device.run(1000);
+    EXPECT_NEAR(double(device.next(2000).late_ns), 1999e6, 1e6);
+    const Frame frame = device.next();
+    EXPECT_EQ(frame.age, Age::proved);
+    EXPECT_LT(frame.late_ns, kMs);
+    EXPECT_EQ(device.next(1, 2000).age, Age::proved) << "a device that pauses";
+}
+
+TEST(StreamAge, WithoutAClockAPauseIsADoubtUntilTheMissingFramesComeOrAnOpening) {
+    for (const bool counter : {true, false}) {
+        Device device(connection(), false, counter);
+        device.run(1000);
+        for (int i = 0; i < 50; ++i) EXPECT_EQ(device.next(i == 0 ? 501 : 501 - 10 * i).age == Age::unproved, i < 41) << i;
+        EXPECT_EQ(device.next(1, 2000).age, Age::unproved);
+        EXPECT_EQ(device.next().age, Age::unproved);
+        EXPECT_FALSE(device.age.asks_for_reopening(device.measured_ns, false));
+        device.run(6);
+        EXPECT_TRUE(device.age.asks_for_reopening(device.measured_ns, false));
+        device.age.open(connection(), device.measured_ns + 100 * kMs);
+        device.measured_ns += 100 * kMs;
+        device.sequence += 10;
+        EXPECT_EQ(device.next().age, counter ? Age::proved : Age::arrival_only);
+    }
+}
+
+TEST(StreamAge, AStopOfThisProcessIsNoLagOfThePath) {
+    for (const bool counter : {true, false}) {
+        Device device(network(), false, counter);
+        device.run(1000);
+        Frame frame = device.next(1, 500);
+        frame.since_ns = frame.taken_ns - 490 * kMs;
+        ++frame.sequence;
+        ++device.sequence;
+        device.age.judge(frame, frame.taken_ns);
+        EXPECT_EQ(frame.age, Age::unproved);
+        EXPECT_EQ(device.next().age, Age::unproved) << "the first of the two frames came without a stop";
+    }
+}
+
+// ---- begin again ---------------------------------------------------------------------------------------------------------
+
+TEST(StreamAge, ARestartIsKnownAsWellAsItsSilence) {
+    for (const std::uint64_t silence_ms : {20u, 2000u}) {
+        Device device(network());
+        device.run(1000);
+        device.measured_ns += silence_ms * kMs;
+        device.clock_zero_ns = device.measured_ns;
+        const Frame frame = device.next();
+        EXPECT_EQ(frame.age, silence_ms < 100 ? Age::proved : Age::unproved);
+        EXPECT_NEAR(frame.bound_ns, double(silence_ms) * 1e6, 15e6);
+    }
+}
+
+TEST(StreamAge, AClockThatLeapsIsADoubtAsLargeAsItsLeap) {
+    Device device(network());
+    device.run(1000);
+    device.clock_zero_ns -= 30 * kMs;
+    EXPECT_EQ(device.next().age, Age::proved);
+    device.clock_zero_ns -= 500 * kMs;
+    EXPECT_EQ(device.next().age, Age::unproved);
+    device.clock_zero_ns += 2000 * kMs;  // set back: the frames seem to be old
+    EXPECT_GT(device.next().late_ns, 1000 * kMs);
+}
+
+TEST(StreamAge, AClockInAnotherUnitProvesNothing) {
+    Device device(network());
+    device.clock_scale = 10;
+    device.run(100);
+    EXPECT_EQ(device.next().age, Age::unproved);
+}
+
+TEST(StreamAge, AClockOf30BitsGoesOn) {
+    Device device(network());
+    device.measured_ns = 1'000'000 * kMs;
+    device.clock_zero_ns = device.measured_ns - 1'073'000 * kMs;
+    for (int i = 0; i < 500; ++i) {
+        if (device.measured_ns - device.clock_zero_ns > 1'073'741'824'000) device.clock_zero_ns += 1'073'741'824'000;
+        ASSERT_EQ(device.next().age, Age::proved) << i;
+    }
+}
+
+// ---- cables --------------------------------------------------------------------------------------------------------------
+
+TEST(StreamAge, ACableBoundsTheDelayAndADeviceOnItMayPause) {
+    for (const bool counter : {true, false}) {
+        Device device({.path = Path::direct, .is_assumed = !counter}, false, counter);
+        device.run(100);
+        EXPECT_EQ(device.next(1, 5000).age, Age::proved);
+        Frame frame;
+        frame.t_ns = frame.taken_ns = device.measured_ns + 930 * kMs;
+        frame.since_ns = device.measured_ns + 10 * kMs;  // the process was stopped: it may have come right after that
+        device.age.judge(frame, frame.taken_ns);
+        EXPECT_EQ(frame.t_ns, frame.since_ns);
+        EXPECT_EQ(frame.late_ns, 920 * kMs);
+    }
+}
+
+// A radio behind a local port sends the same bytes as a device that pauses on a cable.
+TEST(StreamAge, APortOfThisMachineIsACableAsLongAsNumbersAndRateAgree) {
+    Device device({.path = Path::direct, .device_clock = true, .is_assumed = true}, false);
+    device.run(1000);
+    for (int i = 0; i < 1000; ++i) ASSERT_EQ(device.next(2000).age, Age::unproved) << i;
+    for (int i = 0; i < 10; ++i) (void)device.next(1);
+    EXPECT_EQ(device.next().age, Age::proved);
+}
+
+TEST(StreamAge, AResonatorOnACableIsNotLateAndAStopOfTheProcessIsSeenByTheClock) {
+    Device device(cable());
+    for (int i = 0; i < 100'000; ++i) {
+        device.clock_zero_ns += 50'000;  // 0.5 % slow
+        ASSERT_LT(device.next().late_ns, 50 * kMs) << i;
+    }
+    Frame frame;
+    device.measured_ns += 500 * kMs;
+    frame.t_ns = frame.taken_ns = device.measured_ns + kMs;
+    frame.since_ns = frame.t_ns - 400 * kMs;
+    device.clock_zero_ns += 2'500'000;
+    frame.device_time_us = (device.measured_ns - device.clock_zero_ns) / 1000;
+    device.age.judge(frame, frame.taken_ns);
+    EXPECT_LT(frame.late_ns, 50 * kMs);
+}
+
+TEST(StreamAge, ACableWhoseClockCountsInAnotherUnitIsBoundByItsBuffers) {
+    Device device(cable());
+    device.clock_scale = 10;
+    device.run(1000);
+    EXPECT_EQ(device.next().age, Age::proved);
+    Frame frame;
+    frame.t_ns = frame.taken_ns = device.measured_ns + 900 * kMs;
+    frame.since_ns = device.measured_ns;  // the process was stopped
+    frame.device_time_us = (device.measured_ns - device.clock_zero_ns) / 100 + 9000;
+    device.age.judge(frame, frame.taken_ns);
+    EXPECT_NE(frame.age, Age::proved);
+}
+
+// ---- order and repetition ------------------------------------------------------------------------------------------------
 
 // Two frames of one read: the conversion of their common time to the host's clock differs by some ns, in either direction.
 TEST(StreamAge, AHostTimeThatGoesBackByTheErrorOfItsReadingIsNoSilence) {
@@ -46,161 +290,19 @@ TEST(StreamAge, AHostTimeThatGoesBackByTheErrorOfItsReadingIsNoSilence) {
     }
 }
 
-TEST(StreamAge, LateFramesAreNotRelearnedAsOnTimeByOpeningAgain) {
-    for (const bool clock : {true, false}) {
-        Device device(network(), clock);
-        device.run(1000);
-        device.run(100, 2000);
-        device.open(network());
-        const Frame frame = device.next(2000);
-        EXPECT_TRUE(frame.age == Age::unproved || frame.late_ns > 1900 * kMs);
-    }
-}
-
-// Without clock and counter. The first connection's first frame took 1 ms.
-TEST(StreamAge, AFirstFrameThatAConnectionHeldIsNotProvedByOpeningItAgain) {
-    Device device(connection(), false, false);
-    device.age.open(connection(), device.measured_ns);
-    device.run(300);
-    (void)device.next(1, 200);
-    ASSERT_EQ(device.next().age, Age::unproved) << "a silence";
-    device.age.open(connection(), device.measured_ns + 200 * kMs);
-    EXPECT_EQ(device.next(500, 210).age, Age::unproved) << "the link was down after it had been opened";
-    device.age.open(connection(), device.measured_ns + 700 * kMs);
-    EXPECT_EQ(device.next(1, 710).age, Age::arrival_only);
-}
-
-TEST(ReopeningPace, ALinkIsOpenedAgainAtOnceIfTheLastOpeningHelpedElseLessAndLessOften) {
-    ReopeningPace pace;
-    std::uint64_t now = 1000 * kS;
-    EXPECT_TRUE(pace.allows(now, now - kS));
-    EXPECT_FALSE(pace.allows(now + 900 * kMs, now + 500 * kMs));
-    EXPECT_TRUE(pace.allows(now + 1100 * kMs, now + 500 * kMs)) << "it has not helped";
-    now += 1100 * kMs;
-    EXPECT_FALSE(pace.allows(now + 1900 * kMs, now + 300 * kMs)) << "2 s now";
-    for (int i = 0; i < 10; ++i) {  // a device that pauses each 7 s
-        now += 7 * kS;
-        EXPECT_TRUE(pace.allows(now, now - 600 * kMs)) << i;
-    }
-    unsigned opened = 0;
-    std::uint64_t trouble = now;
-    for (const std::uint64_t end = now + 3600 * kS; now < end; now += 100 * kMs)
-        if (pace.allows(now, trouble)) {
-            ++opened;
-            trouble = now + 300 * kMs;  // it never helps
-        }
-    EXPECT_LT(opened, 70u) << "in an hour";
-}
-
-TEST(StreamAge, AFrameThatWaitedForTheMachineLeavesACableProved) {
-    Device device(cable());
-    device.run(1000);
-    (void)device.next(600);
-    EXPECT_EQ(device.next(1, 3000).age, Age::proved);
-}
-
-TEST(StreamAge, WithoutClockAndCounterASilenceEndsTheProofUntilTheConnectionWasOpenedAgain) {
-    Device device(connection(), false, false);
-    for (int i = 0; i < 100; ++i) EXPECT_EQ(device.next().age, Age::arrival_only);
-    EXPECT_EQ(device.next(1, 200).age, Age::unproved);
-    EXPECT_EQ(device.next().age, Age::unproved);
-    device.open(connection());
-    EXPECT_EQ(device.next(1, 60).age, Age::arrival_only);
-    EXPECT_EQ(device.next().age, Age::arrival_only);
-}
-
-TEST(StreamAge, ACableBoundsTheDelayAndADeviceOnItMayPause) {
-    Device device({.path = Path::direct}, false, false);
-    device.run(100);
-    EXPECT_EQ(device.next(1, 5000).age, Age::proved);
-    Frame frame;
-    frame.t_ns = frame.taken_ns = device.measured_ns + 930 * kMs;
-    frame.since_ns = device.measured_ns + 10 * kMs;  // the process was stopped: it may have come right after that
-    device.age.judge(frame, frame.taken_ns);
-    EXPECT_EQ(frame.t_ns, frame.since_ns);
-    EXPECT_EQ(frame.late_ns, 920 * kMs);
-}
-
-TEST(StreamAge, AResonatorOnACableIsNotLateAndAStoppedProcessIsProvedByTheClock) {
-    Device device(cable());
-    Frame frame;
-    for (int i = 0; i < 100'000; ++i) {
-        frame = device.next();
-        device.clock_zero_ns += 50'000;  // 0.5 % slow
-        ASSERT_LT(frame.late_ns, 50 * kMs) << i;
-    }
-    frame = Frame{};
-    device.measured_ns += 500 * kMs;
-    frame.t_ns = frame.taken_ns = device.measured_ns + kMs;
-    frame.since_ns = frame.t_ns - 400 * kMs;
-    device.clock_zero_ns += 2'500'000;
-    frame.device_time_us = (device.measured_ns - device.clock_zero_ns) / 1000;
-    device.age.judge(frame, frame.taken_ns);
-    EXPECT_LT(frame.late_ns, 50 * kMs);
-}
-
-TEST(StreamAge, ARequestIsProofInItself) {
-    Device device({.path = Path::polled}, false, false);
-    device.run(10);
-    const Frame frame = device.next(1, 5000);
-    EXPECT_EQ(frame.age, Age::proved);
-    EXPECT_EQ(frame.late_ns, 0u);
-    EXPECT_EQ(device.age.proof(), StreamAge::Proof::polled);
-}
-
-// The answer lay there while the thread was starved, or came late: the value may be as old as the request.
-TEST(StreamAge, AnAnswerThatTookLongerMayBeOlderThanItsReading) {
-    StreamAge age(100, 0.2, 100 * kMs);
-    age.open({.path = Path::polled});
-    for (const unsigned took_ms : {5u, 49u, 60u, 2000u}) {
-        Frame frame;
-        frame.t_ns = frame.taken_ns = 10 * kS;
-        frame.since_ns = frame.t_ns - took_ms * kMs;
-        age.judge(frame, frame.taken_ns);
-        EXPECT_EQ(frame.late_ns, took_ms > 50 ? (took_ms - 50) * kMs : 0) << took_ms;
-        EXPECT_EQ(frame.t_ns, 10 * kS - frame.late_ns) << took_ms;
-    }
-}
-
-// The device and the link to it lose their power together.
-TEST(StreamAge, ALagThatBeginsWhileTheDeviceRestartsIsNotProvedUntilTheConnectionWasOpenedAgain) {
-    for (const std::uint64_t uptime_s : {100u, 2500u})  // beyond half of its 32 bits, too
-        for (const bool clock : {true, false}) {
-            Device device(connection(), clock);
-            device.clock_zero_ns = device.measured_ns - uptime_s * kS;
-            device.run(3000);
-            device.sequence = 0;
-            device.measured_ns += 300 * kMs;
-            device.clock_zero_ns = device.measured_ns - (uptime_s > 2200 ? 4'294'967'296'000 : 0);
-            for (int i = 0; i < 50; ++i) ASSERT_EQ(device.next(2000).age, Age::unproved) << uptime_s << clock << i;
-            device.open(connection());
-            device.sequence += 220;
-            EXPECT_EQ((clock ? device.next(1, 2210) : device.reopened(2210)).age, Age::proved);
-        }
-}
-
-// Opening the port resets the board.
-TEST(StreamAge, ADeviceOnACableThatCountsFromZeroAfterEachOpeningIsProved) {
-    Device device(cable(), false);
-    for (int i = 0; i < 3; ++i) {
-        device.sequence = 0;
-        EXPECT_EQ(device.next(1, 3000).age, Age::proved);
+TEST(StreamAge, AServerThatSendsItsLastFrameToEachNewClientProvesNothing) {
+    for (const bool counter : {true, false}) {
+        Device device(connection(), true, counter);
         device.run(100);
-        device.open(cable());
+        const Frame last = device.next();
+        for (int i = 0; i < 5; ++i) {
+            device.age.open(connection(), last.taken_ns + kS);
+            Frame again = last;
+            again.t_ns = again.taken_ns = last.taken_ns + 1001 * kMs;
+            device.age.judge(again, again.taken_ns);
+            EXPECT_EQ(again.age, Age::unproved);
+        }
     }
-}
-
-TEST(StreamAge, ACableWhoseClockCountsInAnotherUnitIsBoundByItsBuffers) {
-    Device device(cable());
-    device.clock_scale = 10;
-    device.run(1000);
-    Frame frame = device.next();
-    EXPECT_EQ(frame.age, Age::proved);
-    frame.late_ns = 0;
-    frame.t_ns = frame.taken_ns = device.measured_ns + 900 * kMs;
-    frame.since_ns = device.measured_ns;  // the process was stopped
-    device.age.judge(frame, frame.taken_ns);
-    EXPECT_EQ(frame.late_ns, 900 * kMs);
 }
 
 }  // namespace

@@ -1,0 +1,185 @@
+// A device, a gateway with its own timer and queue, and the bound of the age that the product computes: hours of simulated time
+// in seconds. The true time of each frame is known.
+#pragma once
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <random>
+
+#include "drivers/wire/stream_age.hpp"
+
+namespace tactiled::faults {
+
+// What the gateway does with its queue when the connection is opened.
+enum class AtOpening : std::uint8_t { discards, keeps };
+
+struct AgeScene {
+    double period_s = 0.01, stale_s = 0.1;
+    bool clock = true, number = true;
+    bool tcp = true, echo = false;
+    bool is_cable = false;
+    double ppm = 0;               // the device's clock, and its rate, against this machine
+    double declared_ppm = 200;    // clock_ppm
+    double jitter_s = 0.002;      // evenly distributed delay of the path
+    double gateway_s = 0;         // the gateway forwards one frame in this time of its own timer; 0: at once
+    double cap = 1e12;            // frames that its queue holds; it drops the oldest ones
+    AtOpening at_opening = AtOpening::discards;
+    // The device's next measurement after that at `t_s`, in s; default: its period.
+    std::function<double(double t_s)> interval;
+    // The path holds what comes at `t_s` until the result.
+    std::function<double(double t_s)> hold;
+};
+
+struct AgeTally {
+    double seconds = 0, young_s = 0;   // of the run; with a frame younger than stale_ms
+    double old_s = 0, oldest_s = 0;    // GOOD and older than stale_ms + 50 ms
+    double doubt_s = 0;                // not GOOD though younger than stale_ms
+    std::uint64_t doubts = 0, openings = 0, frames = 0, lost = 0;
+};
+
+class AgeRun {
+public:
+    AgeRun(const AgeScene& scene, std::uint64_t seed) : scene_(scene), random_(seed), age_(std::uint64_t(scene.stale_s * 1e9)) {
+        clock_s_ = 0.2 + uniform() * 4000;
+        open();
+    }
+
+    AgeTally run(double seconds) {
+        const double end_s = now_s_ + seconds;
+        while (now_s_ < end_s) {
+            const double tick_s = scene_.gateway_s > 0 && !queue_.empty() ? std::max(tick_s_, queue_.front().at_s) : 1e300;
+            const double next_s = std::min(measure_s_, tick_s);
+            now_s_ = next_s;
+            if (next_s == measure_s_)
+                measure();
+            else
+                forward();
+            ask();
+        }
+        tally.seconds += seconds;
+        return tally;
+    }
+    AgeTally tally;
+
+private:
+    struct Item {
+        double measured_s, at_s;  // when it was measured, and when it reached the gateway
+        std::uint32_t number;
+        std::uint32_t device_us;
+        double asked_s = 0;  // > 0: an answer to a request
+    };
+
+    double uniform() { return double(random_() >> 11) * 0x1p-53; }
+    [[nodiscard]] std::uint64_t ns(double t_s) const { return std::uint64_t(t_s * 1e9); }
+
+    void open() {
+        const Route::Path path = scene_.is_cable ? Route::Path::direct : Route::Path::network;
+        age_.open({path, true, scene_.tcp, scene_.declared_ppm, scene_.is_cable}, ns(now_s_));
+        is_first_ = true;
+    }
+
+    [[nodiscard]] std::uint32_t device_us(double t_s) const {
+        return std::uint32_t(std::uint64_t((t_s * (1 + scene_.ppm * 1e-6) + clock_s_) * 1e6)) | 1u;
+    }
+
+    void measure() {
+        const double at_s = now_s_ + 0.0005 + uniform() * scene_.jitter_s;
+        enqueue({now_s_, at_s, ++number_, device_us(now_s_)});
+        const double interval_s = scene_.interval ? scene_.interval(now_s_) : scene_.period_s / (1 + scene_.ppm * 1e-6);
+        measure_s_ = now_s_ + interval_s;
+        if (scene_.echo && now_s_ > echo_s_ + 1) {
+            echo_s_ = now_s_;
+            enqueue({now_s_ + 0.001, at_s + 0.001, 0, device_us(now_s_ + 0.001), now_s_ + 1e-9});
+        }
+    }
+
+    void enqueue(Item item) {
+        if (scene_.hold) item.at_s = std::max(item.at_s, scene_.hold(now_s_));
+        item.at_s = std::max(item.at_s, last_at_s_);
+        last_at_s_ = item.at_s;
+        if (scene_.gateway_s <= 0) return arrive(item, item.at_s);
+        queue_.push_back(item);
+        if (double(queue_.size()) > scene_.cap) queue_.pop_front();
+    }
+
+    void forward() {
+        tick_s_ = now_s_ + scene_.gateway_s;
+        if (now_s_ < closed_until_s_) {
+            if (scene_.at_opening == AtOpening::discards) {
+                tally.lost += queue_.size();
+                queue_.clear();
+            }
+            return;
+        }
+        const Item item = queue_.front();
+        queue_.pop_front();
+        arrive(item, now_s_ + 0.0005);
+    }
+
+    void arrive(const Item& item, double at_s) {
+        if (at_s < closed_until_s_) {
+            ++tally.lost;
+            return;
+        }
+        if (item.asked_s > 0) {
+            asked_s_ = item.asked_s;
+            answered_us_ = item.device_us;
+            return;
+        }
+        Frame frame;
+        frame.has_sequence = scene_.number;
+        frame.sequence = item.number;
+        frame.lost = scene_.number && !is_first_ ? item.number - before_ - 1 : 0;
+        frame.device_time_us = scene_.clock ? item.device_us : 0;
+        frame.t_ns = frame.taken_ns = ns(at_s);
+        frame.asked_ns = ns(std::exchange(asked_s_, 0));
+        frame.answered_us = answered_us_;
+        is_first_ = false;
+        before_ = item.number;
+        age_.judge(frame, frame.taken_ns, frame.asked_ns);
+        const bool is_late = double(std::max(frame.late_ns, frame.taken_ns - frame.t_ns)) * 1e-9 > scene_.stale_s;
+        const bool is_good = !is_late && frame.age != Frame::Age::unproved;
+        const double true_s = at_s - item.measured_s, lasts_s = std::min(at_s - last_s_, scene_.stale_s);
+        last_s_ = at_s;
+        ++tally.frames;
+        if (true_s < scene_.stale_s) tally.young_s += lasts_s;
+        if (is_good && true_s > scene_.stale_s + 0.05) {
+            tally.old_s += lasts_s;
+            tally.oldest_s = std::max(tally.oldest_s, true_s);
+        }
+        if (!is_good && true_s < scene_.stale_s) {
+            tally.doubt_s += lasts_s;
+            if (was_good_) ++tally.doubts;
+        }
+        was_good_ = is_good;
+    }
+
+    // The link's thread.
+    void ask() {
+        const std::uint64_t now_ns = ns(now_s_);
+        if (now_s_ < closed_until_s_ || !age_.may_ask() || now_s_ < opening_s_ + pause_s_) return;
+        if (!age_.asks_for_reopening(now_ns, false)) return;
+        const bool helped = age_.trouble_ns() == 0 || age_.trouble_ns() > ns(opening_s_);
+        pause_s_ = helped ? 1 : std::min(2 * pause_s_, 60.0);
+        opening_s_ = now_s_;
+        ++tally.openings;
+        closed_until_s_ = now_s_ + double(age_.closed_ns()) * 1e-9 + 0.002;
+        const double now = now_s_;
+        now_s_ = closed_until_s_;
+        open();
+        now_s_ = now;
+    }
+
+    AgeScene scene_;
+    std::mt19937_64 random_;
+    StreamAge age_;
+    std::deque<Item> queue_;
+    double now_s_ = 1000, measure_s_ = 1000, tick_s_ = 0, last_at_s_ = 0, last_s_ = 1000, clock_s_, echo_s_ = 0, asked_s_ = 0;
+    double closed_until_s_ = 0, opening_s_ = -1e9, pause_s_ = 1;
+    std::uint32_t number_ = 0, before_ = 0, answered_us_ = 0;
+    bool is_first_ = true, was_good_ = true;
+};
+
+}  // namespace tactiled::faults

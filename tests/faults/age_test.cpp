@@ -1,0 +1,98 @@
+// The bound of the age in simulated time: queues that grow, and honest devices. HOURS=1000: a longer run.
+#include "age_run.hpp"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+namespace tactiled::faults {
+namespace {
+
+double number(const char* name, double otherwise) {
+    const char* text = std::getenv(name);
+    return text != nullptr ? std::strtod(text, nullptr) : otherwise;
+}
+
+void print(const std::string& name, const AgeTally& t) {
+    fmt::print("{:<58} old {:6.1f} s, oldest {:7.3f} s; not GOOD {:7.3f} % in {:6.1f} an hour; openings {:8.1f} a day, lost {:.4f} %\n",
+               name, t.old_s, t.oldest_s, t.young_s > 0 ? 100 * t.doubt_s / t.young_s : 0.0, double(t.doubts) / t.seconds * 3600,
+               double(t.openings) / t.seconds * 86400, 100.0 * double(t.lost) / double(t.frames + t.lost));
+}
+
+// ---- queues that grow ----------------------------------------------------------------------------------------------------
+
+TEST(Age, NoGoodFrameIsOldBehindAQueueThatGrowsByUpToTwoPercent) {
+    const double hours = number("HOURS", 1);
+    for (const double ppm : {1.0, 20.0, 50.0, 100.0, 200.0, 1000.0, 5000.0, 20000.0})
+        for (const auto& [name, at_opening, cap] : {std::tuple{"discards", AtOpening::discards, 1e12},
+                                                    {"keeps", AtOpening::keeps, 1e12},
+                                                    {"keeps 100 frames", AtOpening::keeps, 100.0},
+                                                    {"keeps 1000 frames", AtOpening::keeps, 1000.0}})
+            for (const bool tcp : {true, false}) {
+                AgeScene scene{.tcp = tcp, .ppm = ppm, .declared_ppm = std::max(200.0, ppm), .gateway_s = 0.01, .cap = cap, .at_opening = at_opening};
+                AgeRun run(scene, std::uint64_t(number("SEED", 1)));
+                const AgeTally tally = run.run(3600 * hours);
+                print(fmt::format("{} ppm, {}, {}", ppm, name, tcp ? "TCP" : "pty"), tally);
+                EXPECT_EQ(tally.old_s, 0);
+            }
+}
+
+// ---- honest devices ------------------------------------------------------------------------------------------------------
+
+struct Honest {
+    const char* name;
+    AgeScene scene;
+};
+
+TEST(Age, HonestDevicesAreGood) {
+    const double hours = number("HOURS", 2);
+    std::mt19937_64 random(std::uint64_t(number("SEED", 1)));
+    const auto uniform = [&](double a, double b) { return a + (b - a) * double(random() >> 11) * 0x1p-53; };
+    const auto pausing = [&](double each_s, double from_s, double to_s) {
+        return [&, each_s, from_s, to_s, next_s = 0.0](double t_s) mutable {
+            if (t_s < next_s) return 0.01;
+            next_s = t_s + each_s;
+            return 0.01 + uniform(from_s, to_s);
+        };
+    };
+    const auto on_change = [&](double) { return std::min(0.01 + std::pow(uniform(0, 1), 4) * 5, 5.0); };
+    const auto two_rates = [&](double t_s) { return std::fmod(t_s, 600) < 300 ? 0.01 : 0.02; };
+    const auto oscillator = [&](double t_s) { return 0.01 * (1 + 0.01 * std::sin(t_s * 2 * 3.14159265 / 7200)); };
+    const auto bursts = [&](double t_s) {
+        const double in_s = std::fmod(t_s, 20);
+        return in_s < 0.105 ? t_s - in_s + 0.105 : 0;
+    };
+    const Honest rows[] = {
+        {"crystal of 100 ppm, clock", {.ppm = 100}},
+        {"resonator of -3000 ppm, clock", {.ppm = -3000}},
+        {"resonator of +3000 ppm, clock", {.ppm = 3000}},
+        {"pauses of 80 to 250 ms each 10 s, clock", {.interval = pausing(10, 0.08, 0.25)}},
+        {"stalls of 30 to 90 ms twice a second, clock", {.interval = pausing(0.5, 0.03, 0.09)}},
+        {"sends on change, clock", {.interval = on_change}},
+        {"WiFi bursts, clock", {.hold = bursts}},
+        {"steady, number", {.clock = false}},
+        {"pauses of 80 to 250 ms each 10 s, number", {.clock = false, .interval = pausing(10, 0.08, 0.25)}},
+        {"stalls of 30 to 90 ms twice a second, number", {.clock = false, .interval = pausing(0.5, 0.03, 0.09)}},
+        {"sends on change, number", {.clock = false, .interval = on_change}},
+        {"100 and 50 Hz in turn, number", {.clock = false, .interval = two_rates}},
+        {"oscillator +-1 % in 2 h, number", {.clock = false, .interval = oscillator}},
+        {"WiFi bursts, number", {.clock = false, .hold = bursts}},
+        {"WiFi bursts, arrival only", {.clock = false, .number = false, .hold = bursts}},
+        {"pauses of 80 to 250 ms each 10 s, arrival only", {.clock = false, .number = false, .interval = pausing(10, 0.08, 0.25)}},
+    };
+    for (const auto& row : rows)
+        for (const char* path : {"TCP", "pty", "pty, echo", "tty"}) {
+            const std::string_view on = path;
+            AgeScene scene = row.scene;
+            scene.tcp = on == "TCP";
+            scene.echo = on == "pty, echo";
+            scene.is_cable = on == "tty";
+            AgeRun run(scene, random());
+            const AgeTally tally = run.run(3600 * hours);
+            print(fmt::format("{}, {}", row.name, path), tally);
+        }
+}
+
+}  // namespace
+}  // namespace tactiled::faults
