@@ -29,7 +29,9 @@ constexpr std::uint64_t kSilentNs = 1'000'000'000;  // the request for a stream 
 constexpr std::uint64_t kAwayMs = 950;              // bytes may wait this long, plus the cycle of read() (50 ms in the node)
 constexpr int kSliceMs = 10;                        // duration of one slice of a wait, see kLateMs
 constexpr std::uint64_t kLateMs = 20;               // a running process continues this soon after the end of a slice
-constexpr std::uint64_t kEchoNs = 1'000'000'000;    // interval of the requests for an echo
+// Interval of the requests for an echo, and the same while no frame comes: the frame that ends a silence is then known to
+// be as young as the last answer.
+constexpr std::uint64_t kEchoNs = 200'000'000, kSilentEchoNs = 25'000'000;
 constexpr std::uint64_t kStopMs = 20;  // two frames of a device at 100 Hz: a frame that was being sent has ended
 
 class Stream final : public Driver {
@@ -80,7 +82,7 @@ public:
 
     Status read(Frame& frame, int timeout_ms) noexcept override {
         if (take(frame)) return Status::frame;
-        if (echo_ && now_ns() - echo_ns_ > kEchoNs && !ask_for_echo()) return Status::disconnected;
+        ask_for_echo();
         if (now_ns() - asked_ns_ > kSilentNs && !decoder_->start_bytes().empty()) {  // the device may have lost its supply
             asked_ns_ = now_ns();
             asked_again_ = streamed_;
@@ -99,6 +101,7 @@ public:
             ready = ::ppoll(&waiting, 1, &timeout, nullptr);
             // the kernel had no bytes at the end of the slice, either
             if (ready == 0) empty_ns_ = waits_ns + std::uint64_t(slice_ms) * 1'000'000;
+            if (ready == 0) ask_for_echo();
             if (ready == 0 && (left_ms -= slice_ms) <= 0) return Status::timeout;
         }
         if (ready < 0 && errno == EINTR) return Status::timeout;
@@ -115,7 +118,6 @@ public:
         if (std::size_t(size) + 1 < bytes_.size()) empty_ns_ = reads_ns;  // a read from a full tty returns one byte less
         decoder_->push({bytes_.data(), std::size_t(size)}, t_ns, t_ns - waited_ns);
         if (!take(frame)) return Status::timeout;
-        asked_ns_ = frame.t_ns;
         streamed_ = true;
         if (std::exchange(asked_again_, false)) ++counts[TACTILED_LINK_RESTARTED];
         return Status::frame;
@@ -155,23 +157,35 @@ public:
 
 private:
     [[nodiscard]] bool take(Frame& frame) noexcept {
-        if (!decoder_->next(frame)) return false;
-        frame.since_ns = since_ns_;
-        const StreamDecoder::Echo echo = decoder_->take_echo();
-        if (echo_ && echo.number != 0 && echo.number == echo_number_) {
-            frame.asked_ns = echo_ns_;
-            frame.answered_us = echo.time_us;
+        const bool is_frame = decoder_->next(frame);
+        // Answers come in order, and the decoder has read none after this frame.
+        if (const StreamDecoder::Echo echo = decoder_->take_echo(); echo.number != 0 && echo.number == echo_number_) {
+            echo_number_ += echo_number_ % 2;  // answered: even
+            answered_ = {echo_ns_, echo.time_us};
         }
+        if (!is_frame) return false;
+        frame.since_ns = since_ns_;
+        frame.asked_ns = answered_.asked_ns;
+        frame.answered_us = answered_.time_us;
+        answered_ = {};
+        asked_ns_ = frame.t_ns;
         return true;
     }
 
-    bool ask_for_echo() noexcept {
+    // Asks the device for its time when that is due; one request at a time. A device that never reads fills the buffers on
+    // the way to it; then the request is lost, and frames still come.
+    void ask_for_echo() noexcept {
+        if (!echo_) return;
+        const std::uint64_t now = now_ns();
+        const bool is_answered = echo_number_ % 2 == 0, is_silent = now - std::min(asked_ns_, now) > kSilentEchoNs;
+        const std::uint64_t interval_ns = is_silent && is_answered ? kSilentEchoNs : kEchoNs;
+        if (now - std::min(echo_ns_, now) < interval_ns) return;
+        echo_number_ += is_answered ? 1 : 2;  // the number of a request is odd
         std::array<char, 16> line{'?'};
-        if (++echo_number_ == 0) ++echo_number_;
         char* const end = std::to_chars(line.data() + 1, line.data() + line.size() - 1, echo_number_).ptr;
         *end = '\n';
-        echo_ns_ = now_ns();
-        return tell({reinterpret_cast<const std::uint8_t*>(line.data()), std::size_t(end + 1 - line.data())});
+        echo_ns_ = now;
+        (void)tell({reinterpret_cast<const std::uint8_t*>(line.data()), std::size_t(end + 1 - line.data())});
     }
 
     // A device that already streams reacts only to its stop bytes. `stop_first`: a tty, at opening.
@@ -218,8 +232,12 @@ private:
     double clock_ppm_ = 0;
     bool is_direct_ = false;
     bool echo_ = false;
-    std::uint32_t echo_number_ = 0;  // of the last request
+    std::uint32_t echo_number_ = 0;  // of the last request: odd, and even once it was answered
     std::uint64_t echo_ns_ = 0;      // its time
+    struct {
+        std::uint64_t asked_ns = 0;
+        std::uint32_t time_us = 0;
+    } answered_;  // the last answer since the last frame
     // nullptr if the configuration has an error: the node then does not open the link
     std::unique_ptr<StreamDecoder> decoder_;
     int fd_ = -1;

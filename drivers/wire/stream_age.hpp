@@ -42,7 +42,6 @@ public:
         route_ = route;
         is_opened_ = true;
         opened_ns_ = opened_ns;
-        trouble_ns_ = 0;
     }
 
     // Sets t_ns, late_ns, bound_ns and age of `frame`, which was read from the kernel at `frame.taken_ns`. `host_ns` is the
@@ -59,16 +58,18 @@ public:
     // Host time since which the bound is above stale_ns; 0: it is not. rt: wait-free
     [[nodiscard]] std::uint64_t trouble_ns() const noexcept { return trouble_ns_; }
     // True if an opening of the link may prove the age. rt: wait-free
-    [[nodiscard]] bool may_ask() const noexcept { return route_.reopening_discards && has_frame_ && !is_opened_; }
+    [[nodiscard]] bool may_ask() const noexcept {
+        return route_.reopening_discards && has_frame_ && !is_opened_ && (is_clock_ || period_ns_ < stale_ns_);
+    }
     // True if a proof is due, too. `is_busy`: it can wait while the bound allows. rt: wait-free
     [[nodiscard]] bool asks_for_reopening(std::uint64_t host_ns, bool is_busy) const noexcept {
-        if (trouble_ns_ != 0) return double(std::int64_t(host_ns - trouble_ns_)) > stale_ns_ / 2;
-        const double due_ns = std::max(stale_ns_ * (is_busy ? 0.75 : 0.5), proved_error_ns_ + stale_ns_ / 4);
-        return proof_ != Proof::arrival && up_ - low_ > due_ns;
+        if (trouble_ns_ != 0) return double(std::int64_t(host_ns - trouble_ns_)) > stale_ns_ / 4;
+        const double due_ns = std::clamp(2 * period_ns_, stale_ns_ / 2, stale_ns_ * 3 / 4);
+        return proof_ != Proof::arrival && error_ns() > due_ns + (is_busy ? stale_ns_ / 8 : 0);
     }
     // Time for which the link should stay closed, so that the missing frames are a gap of four. rt: wait-free
     [[nodiscard]] std::uint64_t closed_ns() const noexcept {
-        return std::uint64_t(std::clamp(kMissing * period_ns_, kMinClosed_ns, kMaxClosed_ns));
+        return std::uint64_t(std::clamp(kMissing * period_ns_, is_clock_ ? 4 * kJitter_ns : kJitter_ns, kMaxClosed_ns));
     }
     // Measured error of the device's clock, as a fraction; 0 if unknown. rt: wait-free
     [[nodiscard]] double rate_error() const noexcept { return slope_; }
@@ -81,10 +82,12 @@ private:
     // A device's clock is at most this plus the silence when its first frame comes after a restart.
     static constexpr double kBegun_ns = 0.5e9;
     static constexpr double kMaxRate = 0.02;   // a ceramic resonator; a larger slope is no rate
-    static constexpr double kWander = 0.2;     // share of a rate that changes with the temperature
+    static constexpr double kWander = 0.1;     // share of a rate that changes with the temperature
     static constexpr double kSpan_ns = 3600e9; // the rate is that of the last one to two hours
-    static constexpr double kMean_ns = 10e9, kLearn_ns = 2e9;  // memory of the mean interval, and its first measurement
-    static constexpr double kMissing = 4, kMinClosed_ns = 50e6, kMaxClosed_ns = 2e9;
+    static constexpr double kMean_ns = 5e9, kLearn_ns = 0.5e9;  // memory of the mean interval, and its first measurement
+    static constexpr double kMissing = 4, kMaxClosed_ns = 2e9;
+
+    static constexpr double kNone_ns = -1e300;
 
     struct Anchor {
         double t_ns = 0, offset_ns = 0, error_ns = 0;
@@ -92,6 +95,8 @@ private:
     };
 
     [[nodiscard]] StreamAge fresh() const noexcept { return StreamAge(std::uint64_t(stale_ns_)); }
+    // If the clock is faster than stated, x falls below the lower limit, and the rate may be wrong by as much again.
+    [[nodiscard]] double error_ns() const noexcept { return std::abs(up_ - low_); }
     [[nodiscard]] bool has_clock(const Frame& frame) const noexcept {
         return route_.device_clock && frame.device_time_us != 0;
     }
@@ -104,6 +109,7 @@ private:
     void follow(double step_ns) noexcept;
     void pass_test(const Frame& frame, double step_ns, double advance_ns, double host_ns) noexcept;
     void prove(double delay_ns) noexcept;
+    void measure_interval() noexcept;
     void learn(double step_ns, double frames) noexcept;
     void publish(Frame& frame, std::uint64_t host_ns, double waited_ns) noexcept;
 
@@ -111,15 +117,16 @@ private:
     double stale_ns_;
     Proof proof_ = Proof::unknown;
     bool has_frame_ = false, is_opened_ = false, is_clock_ = false;
-    bool was_kept_ = false;  // an opening lost no frame, and the lag that it caused remains
+    // An opening lost no frame, and the lag that it caused remains until x falls below this.
+    double kept_ns_ = kNone_ns;
     std::uint64_t opened_ns_ = 0, trouble_ns_ = 0;
     std::uint64_t host_ns_ = 0, t_ns_ = 0;  // of the previous frame
     std::uint32_t device_us_ = 0, sequence_ = 0;
     double time_ns_ = 0, x_ = 0, up_ = 0, low_ = 0;  // since the first frame
     double slope_ = 0, drift_ = 0;                   // rate of the offset, and its uncertainty
-    double proved_error_ns_ = 0;                     // error at the last proof
     Anchor first_, second_;
-    double period_ns_ = 0, frames_ = 0;  // mean interval of the frames, and how many it is from
+    double period_ns_ = 0, frames_ = 0;              // mean interval of the frames, and how many it is from
+    double proved_ns_ = 0, counted_ = 0;             // time_ns_ of a proof, and the frames since then
 };
 
 // Advance of the device's time since the previous frame, by its clock of 32 bits.
@@ -136,14 +143,15 @@ inline double StreamAge::step_by_clock(const Frame& frame, double step_ns) noexc
 inline double StreamAge::step_by_number(const Frame& frame, double step_ns) noexcept {
     const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;
     const double frames = !frame.has_sequence ? 1 : is_opened_ ? (frame.sequence - sequence_) & mask : 1.0 + frame.lost;
+    counted_ += frames;
     if (period_ns_ <= 0) {
         learn(step_ns, frames);
         return step_ns;
     }
     const double advance_ns = frames * period_ns_;
-    const bool is_pause = step_ns - advance_ns > stale_ns_ / 2 || x_ > up_ + kFirst_ns;
+    const bool is_pause = step_ns - advance_ns > stale_ns_ || x_ > up_ + kFirst_ns;
     const bool is_learned = frames_ * period_ns_ > kLearn_ns;
-    if (!is_opened_ && x_ + step_ns - advance_ns - low_ < stale_ns_) learn(step_ns, frames);
+    if (!is_opened_ && x_ + step_ns - advance_ns - up_ + error_ns() < stale_ns_) learn(step_ns, frames);
     return is_learned || is_pause || is_opened_ ? advance_ns : step_ns;
 }
 
@@ -162,13 +170,11 @@ inline void StreamAge::begin_again(double error_ns) noexcept {
 inline void StreamAge::follow(double step_ns) noexcept {
     up_ += (slope_ + drift_) * step_ns;
     low_ += (slope_ - drift_) * step_ns;
-    if (x_ < low_) {  // a proof was wrong by so much, or the rate
-        const double error_ns = up_ - low_ + (low_ - x_);
-        if (low_ - x_ > kJitter_ns) first_ = second_ = {};
-        low_ = x_ - error_ns;
-    }
+    if (x_ < low_ - kJitter_ns && x_ < up_ - kJitter_ns) return begin_again(low_ - x_);  // the clock was set on, or a machine stood still
     up_ = std::min(up_, x_);
-    if (x_ < up_ + kJitter_ns) was_kept_ = false;
+    if (!is_clock_) low_ = std::min(low_, up_);  // a mean interval that was too long is no proof of an error
+    kept_ns_ += (slope_ - drift_) * step_ns;
+    if (x_ < kept_ns_) kept_ns_ = kNone_ns;
 }
 
 // The first frame after an opening. If the frames of the time in which the link was closed are missing, the path keeps
@@ -176,29 +182,26 @@ inline void StreamAge::follow(double step_ns) noexcept {
 inline void StreamAge::pass_test(const Frame& frame, double step_ns, double advance_ns, double host_ns) noexcept {
     if (!route_.reopening_discards || opened_ns_ == 0) return;
     const double closed_ns = double(opened_ns_) - double(host_ns_);
-    const bool is_missing = advance_ns > closed_ns / 2 && advance_ns < step_ns + (up_ - low_) + kJitter_ns;
+    const bool is_missing = advance_ns > closed_ns / 2 && advance_ns < step_ns + error_ns() + kJitter_ns;
     const bool is_numbered = is_clock_ || frame.has_sequence;
     if (is_numbered && !is_missing) {
-        was_kept_ = is_clock_;
+        if (is_clock_) kept_ns_ = x_ - closed_ns / 2;
         return;
     }
-    if (was_kept_ && x_ > up_ + kJitter_ns) return;
-    if (!is_clock_) {
-        begin_again(0);
-        frames_ = 0;
-    }
-    prove(host_ns - double(opened_ns_));
+    if (kept_ns_ > kNone_ns) return;
+    const double delay_ns = host_ns - double(opened_ns_);
+    if (!is_clock_) begin_again(delay_ns);
+    prove(delay_ns);
 }
 
 // This frame has been on its way for at most `delay_ns`.
 inline void StreamAge::prove(double delay_ns) noexcept {
-    const bool contradicts = x_ - delay_ns > up_;
+    const bool contradicts = x_ - delay_ns > up_ || up_ < low_;
     low_ = contradicts ? x_ - delay_ns : std::max(low_, x_ - delay_ns);
     up_ = contradicts ? x_ : up_;
     low_ = std::min(low_, up_);
-    was_kept_ = false;
-    proved_error_ns_ = up_ - low_;
-    if (!is_clock_) return;
+    kept_ns_ = kNone_ns;
+    if (!is_clock_) return measure_interval();
     const Anchor now{time_ns_, (up_ + low_) / 2, is_direct() ? kJitter_ns / 2 : (up_ - low_) / 2, true};
     if (!first_.is_set) first_ = now;
     const double span_ns = now.t_ns - first_.t_ns;
@@ -217,6 +220,16 @@ inline void StreamAge::prove(double delay_ns) noexcept {
     }
     if (span_ns > kSpan_ns / 2 && !second_.is_set) second_ = now;
     if (span_ns > kSpan_ns) first_ = std::exchange(second_, {});
+}
+
+// The frames between two proofs and the time between them give the mean interval of the device, whatever the path does.
+inline void StreamAge::measure_interval() noexcept {
+    const double span_ns = time_ns_ - proved_ns_;
+    if (span_ns < kLearn_ns || counted_ <= 0) return;
+    period_ns_ = span_ns / counted_;
+    frames_ = std::min(counted_, frames_);
+    proved_ns_ = time_ns_;
+    counted_ = 0;
 }
 
 inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t asked_ns) noexcept {
@@ -268,19 +281,19 @@ inline void StreamAge::begin(const Frame& frame, std::uint64_t host_ns, double s
     device_us_ = std::uint32_t(frame.device_time_us);
     slope_ = 0;
     drift_ = is_direct() ? kMaxRate : proof_ == Proof::arrival ? 0 : route_.clock_ppm * 1e-6;
-    begin_again(silence_ns + x_ - low_);
+    begin_again(silence_ns + x_ - up_ + error_ns());
     if (has_frame_) return;
     const bool is_known = route_.reopening_discards && opened_ns_ != 0;
     prove(is_known ? double(host_ns - opened_ns_) : std::min(kFirst_ns, stale_ns_ / 4));
 }
 
 inline void StreamAge::advance(const Frame& frame, std::uint64_t host_ns, double step_ns) noexcept {
-    const double bound_ns = x_ - low_;
+    const double bound_ns = x_ - up_ + error_ns();
     const double advance_ns = is_clock_ ? step_by_clock(frame, step_ns) : step_by_number(frame, step_ns);
     time_ns_ += step_ns;
     x_ += step_ns - advance_ns;
     const double begun_ns = double(device_us_) * 1e3;
-    if (is_clock_ && std::abs(step_ns - advance_ns) > kJitter_ns && begun_ns < step_ns + kBegun_ns)
+    if (is_clock_ && std::abs(advance_ns) > step_ns + kBegun_ns && begun_ns < step_ns + kBegun_ns)
         begin_again(std::max(bound_ns + step_ns - begun_ns, 0.0));
     else if (advance_ns < 0 && is_direct())
         begin_again(0);
@@ -290,7 +303,7 @@ inline void StreamAge::advance(const Frame& frame, std::uint64_t host_ns, double
 }
 
 inline void StreamAge::publish(Frame& frame, std::uint64_t host_ns, double waited_ns) noexcept {
-    const double late_ns = (is_clock_ ? x_ - up_ : 0) + waited_ns, bound_ns = x_ - low_ + waited_ns;
+    const double late_ns = (is_clock_ ? x_ - up_ : 0) + waited_ns, bound_ns = x_ - up_ + error_ns() + waited_ns;
     const auto back_ns = std::uint64_t(std::max({late_ns, bound_ns - stale_ns_ / 2, 0.0}));
     const std::uint64_t measured_ns = frame.taken_ns > back_ns ? frame.taken_ns - back_ns : 0;
     frame.late_ns = std::uint64_t(late_ns);

@@ -50,9 +50,12 @@ public:
         const double end_s = now_s_ + seconds;
         while (now_s_ < end_s) {
             const double tick_s = scene_.gateway_s > 0 && !queue_.empty() ? std::max(tick_s_, queue_.front().at_s) : 1e300;
-            const double next_s = std::min(measure_s_, tick_s);
+            const double echo_s = scene_.echo ? echo_s_ : 1e300;
+            const double next_s = std::min({measure_s_, tick_s, echo_s});
             now_s_ = next_s;
-            if (next_s == measure_s_)
+            if (next_s == echo_s)
+                ask_for_echo();
+            else if (next_s == measure_s_)
                 measure();
             else
                 forward();
@@ -89,10 +92,16 @@ private:
         enqueue({now_s_, at_s, ++number_, device_us(now_s_)});
         const double interval_s = scene_.interval ? scene_.interval(now_s_) : scene_.period_s / (1 + scene_.ppm * 1e-6);
         measure_s_ = now_s_ + interval_s;
-        if (scene_.echo && now_s_ > echo_s_ + 1) {
-            echo_s_ = now_s_;
-            enqueue({now_s_ + 0.001, at_s + 0.001, 0, device_us(now_s_ + 0.001), now_s_ + 1e-9});
-        }
+    }
+
+    // Each second, and more often while no frame comes; one request at a time.
+    void ask_for_echo() {
+        echo_s_ = now_s_ + 0.025;
+        const bool is_silent = now_s_ - last_s_ > 0.025, is_due = now_s_ - echo_asked_s_ > 0.2;
+        if (!is_due && (!is_silent || echo_asked_s_ > echo_answered_s_)) return;
+        echo_asked_s_ = now_s_;
+        const double answers_s = now_s_ + 0.001;
+        enqueue({answers_s, answers_s + 0.0005 + uniform() * scene_.jitter_s, 0, device_us(answers_s), now_s_});
     }
 
     void enqueue(Item item) {
@@ -125,6 +134,7 @@ private:
         }
         if (item.asked_s > 0) {
             asked_s_ = item.asked_s;
+            echo_answered_s_ = at_s;
             answered_us_ = item.device_us;
             return;
         }
@@ -176,7 +186,8 @@ private:
     std::mt19937_64 random_;
     StreamAge age_;
     std::deque<Item> queue_;
-    double now_s_ = 1000, measure_s_ = 1000, tick_s_ = 0, last_at_s_ = 0, last_s_ = 1000, clock_s_, echo_s_ = 0, asked_s_ = 0;
+    double now_s_ = 1000, measure_s_ = 1000, tick_s_ = 0, last_at_s_ = 0, last_s_ = 1000, clock_s_, echo_s_ = 1000, asked_s_ = 0;
+    double echo_asked_s_ = 0, echo_answered_s_ = 0;
     double closed_until_s_ = 0, opening_s_ = -1e9, pause_s_ = 1;
     std::uint32_t number_ = 0, before_ = 0, answered_us_ = 0;
     bool is_first_ = true, was_good_ = true;
