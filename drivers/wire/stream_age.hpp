@@ -87,7 +87,7 @@ private:
     static constexpr double kMean_ns = 5e9, kLearn_ns = 0.5e9;  // memory of the mean interval, and its first measurement
     static constexpr double kMissing = 4, kMaxClosed_ns = 2e9;
 
-    static constexpr double kNone_ns = -1e300;
+    static constexpr double kNone_ns = -1e200;
 
     struct Anchor {
         double t_ns = 0, offset_ns = 0, error_ns = 0;
@@ -96,7 +96,7 @@ private:
 
     [[nodiscard]] StreamAge fresh() const noexcept { return StreamAge(std::uint64_t(stale_ns_)); }
     // If the clock is faster than stated, x falls below the lower limit, and the rate may be wrong by as much again.
-    [[nodiscard]] double error_ns() const noexcept { return std::abs(up_ - low_); }
+    [[nodiscard]] double error_ns() const noexcept { return std::abs(up_ - low_) + doubt_ns_; }
     [[nodiscard]] bool has_clock(const Frame& frame) const noexcept {
         return route_.device_clock && frame.device_time_us != 0;
     }
@@ -106,8 +106,8 @@ private:
     void begin(const Frame& frame, std::uint64_t host_ns, double silence_ns) noexcept;
     void advance(const Frame& frame, std::uint64_t host_ns, double step_ns) noexcept;
     void begin_again(double error_ns) noexcept;
-    void follow(double step_ns) noexcept;
-    void pass_test(const Frame& frame, double step_ns, double advance_ns, double host_ns) noexcept;
+    void follow(double step_ns, double advance_ns) noexcept;
+    void test_opening(const Frame& frame, double advance_ns, double limit_ns, double host_ns) noexcept;
     void prove(double delay_ns) noexcept;
     void measure_interval() noexcept;
     void learn(double step_ns, double frames) noexcept;
@@ -117,12 +117,13 @@ private:
     double stale_ns_;
     Proof proof_ = Proof::unknown;
     bool has_frame_ = false, is_opened_ = false, is_clock_ = false;
-    // An opening lost no frame, and the lag that it caused remains until x falls below this.
-    double kept_ns_ = kNone_ns;
+    // x has risen at once, as frames do that were held; their lag lasts until x falls below this, and no opening ends it.
+    double held_ns_ = kNone_ns;
     std::uint64_t opened_ns_ = 0, trouble_ns_ = 0;
     std::uint64_t host_ns_ = 0, t_ns_ = 0;  // of the previous frame
     std::uint32_t device_us_ = 0, sequence_ = 0;
     double time_ns_ = 0, x_ = 0, up_ = 0, low_ = 0;  // since the first frame
+    double doubt_ns_ = 0;                            // error since the clock began again, until a proof
     double slope_ = 0, drift_ = 0;                   // rate of the offset, and its uncertainty
     Anchor first_, second_;
     double period_ns_ = 0, frames_ = 0;              // mean interval of the frames, and how many it is from
@@ -132,9 +133,10 @@ private:
 // Advance of the device's time since the previous frame, by its clock of 32 bits.
 inline double StreamAge::step_by_clock(const Frame& frame, double step_ns) noexcept {
     const auto device_us = std::uint32_t(frame.device_time_us);
-    const double more_us = std::int32_t(device_us - device_us_ - std::uint32_t(std::uint64_t(step_ns * 1e-3)));
+    const auto step_us = std::uint64_t(step_ns * 1e-3);
+    const double more_us = std::int32_t(device_us - device_us_ - std::uint32_t(step_us));
     device_us_ = device_us;
-    const double advance_ns = step_ns + more_us * 1e3;
+    const double advance_ns = (double(step_us) + more_us) * 1e3;
     if (!is_opened_ && std::abs(more_us * 1e3) < kJitter_ns) learn(advance_ns, 1);
     return advance_ns;
 }
@@ -149,9 +151,12 @@ inline double StreamAge::step_by_number(const Frame& frame, double step_ns) noex
         return step_ns;
     }
     const double advance_ns = frames * period_ns_;
-    const bool is_pause = step_ns - advance_ns > stale_ns_ || x_ > up_ + kFirst_ns;
+    const double excess_ns = step_ns - advance_ns;
+    const bool is_pause = excess_ns > stale_ns_ || x_ > up_ + kFirst_ns;
     const bool is_learned = frames_ * period_ns_ > kLearn_ns;
-    if (!is_opened_ && x_ + step_ns - advance_ns - up_ + error_ns() < stale_ns_) learn(step_ns, frames);
+    // Neither a pause that makes a doubt nor the frames that end it are the device's rate.
+    const bool is_regular = std::abs(excess_ns) < advance_ns / 2;
+    if (!is_opened_ && (is_regular || x_ + excess_ns - up_ + error_ns() < stale_ns_)) learn(step_ns, frames);
     return is_learned || is_pause || is_opened_ ? advance_ns : step_ns;
 }
 
@@ -162,33 +167,31 @@ inline void StreamAge::learn(double step_ns, double frames) noexcept {
 
 // The device has restarted, or its clock was set: the offset is another one.
 inline void StreamAge::begin_again(double error_ns) noexcept {
-    up_ = x_;
-    low_ = x_ - error_ns;
+    up_ = low_ = x_;
+    held_ns_ = kNone_ns;
+    doubt_ns_ = error_ns;
     first_ = second_ = {};
 }
 
-inline void StreamAge::follow(double step_ns) noexcept {
+inline void StreamAge::follow(double step_ns, double advance_ns) noexcept {
     up_ += (slope_ + drift_) * step_ns;
     low_ += (slope_ - drift_) * step_ns;
-    if (x_ < low_ - kJitter_ns && x_ < up_ - kJitter_ns) return begin_again(low_ - x_);  // the clock was set on, or a machine stood still
+    if (is_clock_ && x_ < std::min(low_, up_) - kJitter_ns)  // the clock was set on, or this machine stood still
+        return begin_again(error_ns() + up_ - x_);
     up_ = std::min(up_, x_);
     if (!is_clock_) low_ = std::min(low_, up_);  // a mean interval that was too long is no proof of an error
-    kept_ns_ += (slope_ - drift_) * step_ns;
-    if (x_ < kept_ns_) kept_ns_ = kNone_ns;
+    held_ns_ += (slope_ - drift_) * step_ns;
+    if (x_ < held_ns_) held_ns_ = kNone_ns;
+    const double risen_ns = step_ns - advance_ns;
+    if (is_clock_ && held_ns_ <= kNone_ns && risen_ns > kJitter_ns) held_ns_ = x_ - risen_ns / 2;
 }
 
 // The first frame after an opening. If the frames of the time in which the link was closed are missing, the path keeps
 // none, and this one has passed it since the opening.
-inline void StreamAge::pass_test(const Frame& frame, double step_ns, double advance_ns, double host_ns) noexcept {
-    if (!route_.reopening_discards || opened_ns_ == 0) return;
+inline void StreamAge::test_opening(const Frame& frame, double advance_ns, double limit_ns, double host_ns) noexcept {
     const double closed_ns = double(opened_ns_) - double(host_ns_);
-    const bool is_missing = advance_ns > closed_ns / 2 && advance_ns < step_ns + error_ns() + kJitter_ns;
-    const bool is_numbered = is_clock_ || frame.has_sequence;
-    if (is_numbered && !is_missing) {
-        if (is_clock_) kept_ns_ = x_ - closed_ns / 2;
-        return;
-    }
-    if (kept_ns_ > kNone_ns) return;
+    const bool is_kept = is_clock_ ? advance_ns < closed_ns / 2 : frame.has_sequence && frame.sequence == sequence_ + 1;
+    if (is_kept || (proof_ != Proof::arrival && advance_ns > limit_ns) || held_ns_ > kNone_ns) return;
     const double delay_ns = host_ns - double(opened_ns_);
     if (!is_clock_) begin_again(delay_ns);
     prove(delay_ns);
@@ -196,11 +199,12 @@ inline void StreamAge::pass_test(const Frame& frame, double step_ns, double adva
 
 // This frame has been on its way for at most `delay_ns`.
 inline void StreamAge::prove(double delay_ns) noexcept {
-    const bool contradicts = x_ - delay_ns > up_ || up_ < low_;
+    const bool contradicts = x_ - delay_ns > up_ || up_ < low_ || doubt_ns_ > 0;
+    doubt_ns_ = 0;
     low_ = contradicts ? x_ - delay_ns : std::max(low_, x_ - delay_ns);
     up_ = contradicts ? x_ : up_;
     low_ = std::min(low_, up_);
-    kept_ns_ = kNone_ns;
+    held_ns_ = kNone_ns;
     if (!is_clock_) return measure_interval();
     const Anchor now{time_ns_, (up_ + low_) / 2, is_direct() ? kJitter_ns / 2 : (up_ - low_) / 2, true};
     if (!first_.is_set) first_ = now;
@@ -239,7 +243,8 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
     const bool is_polled = route_.path == Route::Path::polled;
     if (is_polled || (is_direct() && !has_clock(frame) && !(frame.has_sequence && route_.is_assumed))) {
         proof_ = is_polled ? Proof::polled : Proof::direct;
-        return publish(frame, host_ns, is_polled ? std::max(waited_ns - kJitter_ns, 0.0) : waited_ns);
+        publish(frame, host_ns, is_polled ? std::max(waited_ns - kJitter_ns, 0.0) : waited_ns);
+        return;
     }
     // Keeps the order: frames of one read have the same time, and each conversion to the host's clock has an error.
     if (has_frame_) host_ns = std::max(host_ns, host_ns_);
@@ -274,6 +279,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
     sequence_ = frame.sequence;
     host_ns_ = host_ns;
     publish(frame, host_ns, waited_ns);
+    t_ns_ = frame.t_ns;
 }
 
 // The first frame, or the first one with the device's time.
@@ -281,10 +287,10 @@ inline void StreamAge::begin(const Frame& frame, std::uint64_t host_ns, double s
     device_us_ = std::uint32_t(frame.device_time_us);
     slope_ = 0;
     drift_ = is_direct() ? kMaxRate : proof_ == Proof::arrival ? 0 : route_.clock_ppm * 1e-6;
-    begin_again(silence_ns + x_ - up_ + error_ns());
-    if (has_frame_) return;
     const bool is_known = route_.reopening_discards && opened_ns_ != 0;
-    prove(is_known ? double(host_ns - opened_ns_) : std::min(kFirst_ns, stale_ns_ / 4));
+    const double first_ns = is_known ? double(host_ns - opened_ns_) : std::min(kFirst_ns, stale_ns_ / 4);
+    begin_again(has_frame_ ? silence_ns + x_ - up_ + error_ns() : first_ns);
+    if (!has_frame_) prove(first_ns);
 }
 
 inline void StreamAge::advance(const Frame& frame, std::uint64_t host_ns, double step_ns) noexcept {
@@ -294,12 +300,13 @@ inline void StreamAge::advance(const Frame& frame, std::uint64_t host_ns, double
     x_ += step_ns - advance_ns;
     const double begun_ns = double(device_us_) * 1e3;
     if (is_clock_ && std::abs(advance_ns) > step_ns + kBegun_ns && begun_ns < step_ns + kBegun_ns)
-        begin_again(std::max(bound_ns + step_ns - begun_ns, 0.0));
-    else if (advance_ns < 0 && is_direct())
-        begin_again(0);
+        begin_again(std::max(bound_ns + step_ns - begun_ns, 0.0));  // the device has restarted
+    else if (is_clock_ && advance_ns < 0 && is_direct())
+        begin_again(bound_ns + step_ns);  // its clock was set back; a network may send old frames again
     else
-        follow(step_ns);
-    if (is_opened_) pass_test(frame, step_ns, advance_ns, double(host_ns));
+        follow(step_ns, advance_ns);
+    if (is_opened_ && route_.reopening_discards && opened_ns_ != 0)
+        test_opening(frame, advance_ns, step_ns + bound_ns + kJitter_ns, double(host_ns));
 }
 
 inline void StreamAge::publish(Frame& frame, std::uint64_t host_ns, double waited_ns) noexcept {
@@ -313,7 +320,6 @@ inline void StreamAge::publish(Frame& frame, std::uint64_t host_ns, double waite
     frame.age = !is_bounded                  ? Frame::Age::unproved
                 : proof_ == Proof::arrival   ? Frame::Age::arrival_only
                                              : Frame::Age::proved;
-    t_ns_ = frame.t_ns;
     trouble_ns_ = bound_ns <= stale_ns_ ? 0 : trouble_ns_ == 0 ? host_ns : trouble_ns_;
 }
 

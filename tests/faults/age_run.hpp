@@ -49,7 +49,7 @@ public:
     AgeTally run(double seconds) {
         const double end_s = now_s_ + seconds;
         while (now_s_ < end_s) {
-            const double tick_s = scene_.gateway_s > 0 && !queue_.empty() ? std::max(tick_s_, queue_.front().at_s) : 1e300;
+            const double tick_s = queue_.empty() ? 1e300 : std::max(tick_s_, queue_.front().at_s);
             const double echo_s = scene_.echo ? echo_s_ : 1e300;
             const double next_s = std::min({measure_s_, tick_s, echo_s});
             now_s_ = next_s;
@@ -108,7 +108,6 @@ private:
         if (scene_.hold) item.at_s = std::max(item.at_s, scene_.hold(now_s_));
         item.at_s = std::max(item.at_s, last_at_s_);
         last_at_s_ = item.at_s;
-        if (scene_.gateway_s <= 0) return arrive(item, item.at_s);
         queue_.push_back(item);
         if (double(queue_.size()) > scene_.cap) queue_.pop_front();
     }
@@ -124,7 +123,7 @@ private:
         }
         const Item item = queue_.front();
         queue_.pop_front();
-        arrive(item, now_s_ + 0.0005);
+        arrive(item, now_s_);
     }
 
     void arrive(const Item& item, double at_s) {

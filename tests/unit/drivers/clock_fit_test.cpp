@@ -9,13 +9,13 @@
 namespace tactiled {
 namespace {
 
-constexpr std::uint64_t kMs = 1'000'000, kSecond = 1'000 * kMs;
+constexpr std::uint64_t kSecond = 1'000'000'000;
 
 TEST(ArrivalTime, IsTheTimestampOnTheOtherClock) {
     ArrivalTime arrival;
     arrival.seen_empty(90 * kSecond);
     EXPECT_TRUE(arrival.look(100 * kSecond, 5000 * kSecond));
-    EXPECT_EQ(arrival.of(5000 * kSecond - 3 * kMs), 100 * kSecond - 3 * kMs);
+    EXPECT_EQ(arrival.of(5000 * kSecond - 3 * kSecond / 1000), 100 * kSecond - 3 * kSecond / 1000);
     EXPECT_EQ(arrival.of(4991 * kSecond), 91 * kSecond);  // the process was stopped for 9 s: old, and reported as old
 }
 
@@ -24,11 +24,11 @@ TEST(ArrivalTime, StaysBetweenTheEmptySocketAndNowWhateverTheWallClockDoes) {
     arrival.seen_empty(100 * kSecond);
     EXPECT_TRUE(arrival.look(100 * kSecond, 5000 * kSecond));
     EXPECT_FALSE(arrival.look(101 * kSecond, 9000 * kSecond));  // set forward, by more than an hour
-    EXPECT_EQ(arrival.of(5000 * kSecond + 500 * kMs), 100 * kSecond - 10 * kMs);
+    EXPECT_EQ(arrival.of(5000 * kSecond + 500 * kSecond / 1000), 100 * kSecond - 10 * kSecond / 1000);
     EXPECT_TRUE(arrival.look(102 * kSecond, 9001 * kSecond));
     EXPECT_FALSE(arrival.look(103 * kSecond, 1000 * kSecond));  // set back
-    EXPECT_EQ(arrival.of(9001 * kSecond + 500 * kMs), 103 * kSecond);
-    EXPECT_EQ(arrival.of(0), 100 * kSecond - 10 * kMs);
+    EXPECT_EQ(arrival.of(9001 * kSecond + 500 * kSecond / 1000), 103 * kSecond);
+    EXPECT_EQ(arrival.of(0), 100 * kSecond - 10 * kSecond / 1000);
     EXPECT_EQ(arrival.of(~0ull), 103 * kSecond);
 }
 
@@ -38,8 +38,8 @@ public:
     explicit Adapter(double drift) : drift_(drift) {}
     // Returns {true time, timestamp, arrival}.
     std::array<std::uint64_t, 3> next() {
-        sent_ns_ += kMs;
-        const std::uint64_t delay_ns = 50'000 + random_() % (random_() % 100 == 0 ? 10 * kMs : 2 * kMs);
+        sent_ns_ += kSecond / 1000;
+        const std::uint64_t delay_ns = 50'000 + random_() % (random_() % 100 == 0 ? 10 * kSecond / 1000 : 2 * kSecond / 1000);
         const auto timestamp = std::uint64_t(double(sent_ns_) * (1 + drift_)) / 1000 * 1000;  // whole us
         return {sent_ns_, timestamp, kStart + sent_ns_ + delay_ns};
     }
@@ -83,15 +83,15 @@ TEST(ClockFit, FollowsAClockThatIsSetAnew) {
             ASSERT_GE(std::int64_t(t_ns - Adapter::kStart - sent), -2'000) << step << ' ' << n;
         }
     };
-    const std::int64_t as_it_came = 11 * kMs, fitted = 250'000;
+    const std::int64_t as_it_came = 11 * kSecond / 1000, fitted = 250'000;
     run(0, 100, as_it_came);
     run(0, 1000, fitted);
     run(3600 * kSecond, 100, as_it_came);  // forward: at once, with the first message without a delay
     run(3600 * kSecond, 1000, fitted);
     run(0, 100, as_it_came);  // back, by an hour
     run(0, 1000, fitted);
-    run(0 - 200 * kMs, 100, as_it_came);  // and by little
-    run(0 - 200 * kMs, 1000, fitted);
+    run(0 - 200 * kSecond / 1000, 100, as_it_came);  // and by little
+    run(0 - 200 * kSecond / 1000, 1000, fitted);
 }
 
 TEST(ClockFit, MessagesThatStayLateAreNotTakenForMessagesOnTimeAlsoWhereTheClockIsSet) {
@@ -105,7 +105,7 @@ TEST(ClockFit, MessagesThatStayLateAreNotTakenForMessagesOnTimeAlsoWhereTheClock
         for (int n = 0; n < 600'000; ++n) {
             const auto [sent, timestamp, arrival] = adapter.next();
             const std::uint64_t t_ns = fit.monotonic_ns(timestamp + (n > 1000 ? step : 0), arrival + 2 * kSecond);
-            ASSERT_LE(std::int64_t(t_ns - Adapter::kStart - sent), std::int64_t(30 * kMs)) << step << ' ' << n;
+            ASSERT_LE(std::int64_t(t_ns - Adapter::kStart - sent), std::int64_t(30 * kSecond / 1000)) << step << ' ' << n;
         }
     }
 }
@@ -117,7 +117,7 @@ TEST(ClockFit, AMessageThatWasHeldUpForLongChangesNothing) {
         auto [sent, timestamp, arrival] = adapter.next();
         const bool held_up = n % 1000 > 900;
         // 300 to 400 ms late, all at once.
-        if (held_up) arrival = Adapter::kStart + std::uint64_t(n / 1000 * 1000 + 901 + 400) * kMs;
+        if (held_up) arrival = Adapter::kStart + std::uint64_t(n / 1000 * 1000 + 901 + 400) * kSecond / 1000;
         const std::uint64_t t_ns = fit.monotonic_ns(timestamp, arrival);
         const auto late_ns = std::int64_t(t_ns - Adapter::kStart - sent);
         ASSERT_TRUE(n <= 500 || held_up || late_ns <= 300'000) << n;
@@ -128,7 +128,7 @@ TEST(ClockFit, AMessageThatWasHeldUpForLongChangesNothing) {
 TEST(ClockFit, AFewLateMessagesOfASlowDeviceChangeNothing) {
     ClockFit fit;
     for (std::uint64_t n = 0; n < 100; ++n) {
-        const std::uint64_t timestamp = n * kSecond, arrival = Adapter::kStart + timestamp + (n % 20 > 15 ? 300 * kMs : 0);
+        const std::uint64_t timestamp = n * kSecond, arrival = Adapter::kStart + timestamp + (n % 20 > 15 ? 300 * kSecond / 1000 : 0);
         EXPECT_NEAR(double(fit.monotonic_ns(timestamp, arrival)), double(Adapter::kStart + timestamp), 1e6)
             << n;  // 200 ppm of 5 s
     }

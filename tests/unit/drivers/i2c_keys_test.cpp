@@ -11,7 +11,7 @@
 namespace tactiled {
 namespace {
 
-std::string problems_of(const std::string& text) {
+std::string i2c_problems_of(const std::string& text) {
     Problems problems;
     std::string all = "bus = \"/dev/i2c-1\"\n";
     all += text;
@@ -22,7 +22,7 @@ std::string problems_of(const std::string& text) {
 }
 
 TEST(I2cKeys, AreReadForEveryChip) {
-    EXPECT_EQ(problems_of(R"(
+    EXPECT_EQ(i2c_problems_of(R"(
 timeout_ms = 100
 [[chip]]
 device = 0
@@ -82,39 +82,39 @@ charge_us = 1
 }
 
 TEST(I2cKeys, SayWhatIsWrongWithLineAndRemedy) {
-    EXPECT_EQ(problems_of(""), "test.toml:1: no chip: add [[link.chip]] with device and chip");
+    EXPECT_EQ(i2c_problems_of(""), "test.toml:1: no chip: add [[link.chip]] with device and chip");
     EXPECT_EQ(
-        problems_of("[[chip]]\ndevice = 0\nchip = \"ad7747\""),
+        i2c_problems_of("[[chip]]\ndevice = 0\nchip = \"ad7747\""),
         "test.toml:4: [[chip]]: chip = \"ad7747\" is unknown; did you mean \"ad7746\"? known: \"ad7746\", \"ads1115\", "
         "\"ads122c04\", \"demo16\", \"fdc1004\", \"mpr121\", \"nau7802\"");
-    EXPECT_EQ(problems_of("[[chip]]\ndevice = 0\nchip = \"ad7746\"\naddress = 0x49"),
+    EXPECT_EQ(i2c_problems_of("[[chip]]\ndevice = 0\nchip = \"ad7746\"\naddress = 0x49"),
               "test.toml:5: [[chip]]: address = 73 is outside 72 .. 72");
-    EXPECT_EQ(problems_of("[[chip]]\ndevice = 0\nchip = \"ad7746\"\nrate_Hz = 90"),
+    EXPECT_EQ(i2c_problems_of("[[chip]]\ndevice = 0\nchip = \"ad7746\"\nrate_Hz = 90"),
               "test.toml:5: [[chip]]: rate_Hz = 90 is not possible; one of 91, 84, 50, 26, 16, 13, 11, 9");
-    EXPECT_EQ(problems_of("[[chip]]\ndevice = 0\nchip = \"ads1115\"\ninputs = [\"AIN4\"]"),
+    EXPECT_EQ(i2c_problems_of("[[chip]]\ndevice = 0\nchip = \"ads1115\"\ninputs = [\"AIN4\"]"),
               "test.toml:5: [[chip]]: input \"AIN4\" is unknown; known: AIN0 .. AIN3, AIN0-AIN1, AIN0-AIN3, AIN1-AIN3, "
               "AIN2-AIN3");
-    EXPECT_EQ(problems_of("[[chip]]\ndevice = 0\nchip = \"fdc1004\""),
+    EXPECT_EQ(i2c_problems_of("[[chip]]\ndevice = 0\nchip = \"fdc1004\""),
               "test.toml:2: [[chip]]: key \"inputs\" is missing, such as [\"CIN1\", \"CIN2\"]");
-    EXPECT_EQ(problems_of("[[chip]]\ndevice = 0\nchip = \"fdc1004\"\ninputs = [\"CIN2-CIN1\"]"),
+    EXPECT_EQ(i2c_problems_of("[[chip]]\ndevice = 0\nchip = \"fdc1004\"\ninputs = [\"CIN2-CIN1\"]"),
               "test.toml:5: [[chip]]: input \"CIN2-CIN1\" is unknown; known: CIN1 .. CIN4, and pairs such as CIN1-CIN2, the "
               "lower number first");
-    EXPECT_EQ(problems_of("[[chip]]\ndevice = 0\nchip = \"ads122c04\"\ninput = \"AIN0\"\ngain = 8"),
+    EXPECT_EQ(i2c_problems_of("[[chip]]\ndevice = 0\nchip = \"ads122c04\"\ninput = \"AIN0\"\ngain = 8"),
               "test.toml:6: [[chip]]: gain > 4 needs a pair of inputs, such as \"AIN0-AIN1\"");
-    EXPECT_EQ(problems_of("[[chip]]\ndevice = 0\nchip = \"ad7746\"\nrate = 9"),
+    EXPECT_EQ(i2c_problems_of("[[chip]]\ndevice = 0\nchip = \"ad7746\"\nrate = 9"),
               "test.toml:5: [[chip]]: unknown key \"rate\"; did you mean \"rate_Hz\"?");
-    EXPECT_EQ(problems_of("[[chip]]\ndevice = 0\nchip = \"ad7746\"\nmux = {address = 0x50, channel = 1}"),
+    EXPECT_EQ(i2c_problems_of("[[chip]]\ndevice = 0\nchip = \"ad7746\"\nmux = {address = 0x50, channel = 1}"),
               "test.toml:5: [[chip]] [mux]: address = 80 is outside 112 .. 119");
 }
 
 TEST(I2cKeys, ADataReadyLineIsForChipsThatConvertByThemselves) {
     const std::string line = "data_ready = {chip = \"gpiochip0\", line = \"17\"}\n";
     for (const std::string chip : {"ad7746", "nau7802", "ads122c04"})
-        EXPECT_EQ(problems_of("[[chip]]\ndevice = 0\nchip = \"" + chip + "\"\n" + line), "");
+        EXPECT_EQ(i2c_problems_of("[[chip]]\ndevice = 0\nchip = \"" + chip + "\"\n" + line), "");
     for (const std::string chip : {"mpr121\"", "ads1115\"\ninputs = [\"AIN0\"]", "ad7746\"\nchannels = 2"})
-        EXPECT_NE(problems_of("[[chip]]\ndevice = 0\nchip = \"" + chip + "\n" + line).find("does not convert by itself"),
+        EXPECT_NE(i2c_problems_of("[[chip]]\ndevice = 0\nchip = \"" + chip + "\n" + line).find("does not convert by itself"),
                   std::string::npos);
-    EXPECT_NE(problems_of("[[chip]]\ndevice = 0\nchip = \"ad7746\"\ndata_ready = {chip = \"gpiochip0\"}")
+    EXPECT_NE(i2c_problems_of("[[chip]]\ndevice = 0\nchip = \"ad7746\"\ndata_ready = {chip = \"gpiochip0\"}")
                   .find("\"line\" is missing"),
               std::string::npos);
 }
@@ -124,16 +124,16 @@ TEST(I2cKeys, ASwitchInFrontOfAChipNeedsElectrodesAndLinesEnough) {
     const auto select = [](const std::string& lines) {
         return "select = {chip = \"gpiochip0\", lines = [" + lines + "]}\n";
     };
-    EXPECT_EQ(problems_of(chip + "electrodes = 5\n" + select("\"5\", \"6\", \"MUX_C\"")), "");
-    EXPECT_NE(problems_of(chip + "electrodes = 5\n" + select("\"5\", \"6\"")).find("select one of 4, not of 5 electrodes"),
+    EXPECT_EQ(i2c_problems_of(chip + "electrodes = 5\n" + select("\"5\", \"6\", \"MUX_C\"")), "");
+    EXPECT_NE(i2c_problems_of(chip + "electrodes = 5\n" + select("\"5\", \"6\"")).find("select one of 4, not of 5 electrodes"),
               std::string::npos);
-    EXPECT_NE(problems_of(chip + "electrodes = 5\n").find("electrodes needs select"), std::string::npos);
-    EXPECT_NE(problems_of(chip + select("\"5\"")).find("ad7746 with electrodes"), std::string::npos);
-    EXPECT_NE(problems_of(chip + "electrodes = 2\nchannels = 2\n" + select("\"5\"")).find("cannot both be there"),
+    EXPECT_NE(i2c_problems_of(chip + "electrodes = 5\n").find("electrodes needs select"), std::string::npos);
+    EXPECT_NE(i2c_problems_of(chip + select("\"5\"")).find("ad7746 with electrodes"), std::string::npos);
+    EXPECT_NE(i2c_problems_of(chip + "electrodes = 2\nchannels = 2\n" + select("\"5\"")).find("cannot both be there"),
               std::string::npos);
-    EXPECT_NE(problems_of(chip + "electrodes = 1\n" + select("\"5\"")).find("needs no switch"), std::string::npos);
+    EXPECT_NE(i2c_problems_of(chip + "electrodes = 1\n" + select("\"5\"")).find("needs no switch"), std::string::npos);
     EXPECT_NE(
-        problems_of(chip + "electrodes = 2\n" + select("\"5\"") + "data_ready = {chip = \"gpiochip0\", line = \"7\"}\n")
+        i2c_problems_of(chip + "electrodes = 2\n" + select("\"5\"") + "data_ready = {chip = \"gpiochip0\", line = \"7\"}\n")
             .find("does not convert by itself"),
         std::string::npos);
 }
@@ -157,11 +157,11 @@ TEST(I2cKeys, TwoChipsThatWouldAnswerAtOnceAreRefused) {
     const std::string one = "[[chip]]\ndevice = 0\nchip = \"ad7746\"\n";
     const std::string two = "[[chip]]\ndevice = 1\nchip = \"ads1115\"\ninputs = [\"AIN0\"]\n";
     const std::string left = "mux = {address = 0x70, channel = 0}\n", right = "mux = {address = 0x70, channel = 1}\n";
-    EXPECT_NE(problems_of(one + two).find("another chip of this bus answers at 0x48, too"), std::string::npos);
-    EXPECT_NE(problems_of(one + two + left).find("too"), std::string::npos);
-    EXPECT_NE(problems_of(one + left + two + left).find("too"), std::string::npos);
-    EXPECT_EQ(problems_of(one + left + two + right), "");
-    EXPECT_NE(problems_of(one + left + "[[chip]]\ndevice = 0\nchip = \"mpr121\"\n").find("device = 0 is another chip's"),
+    EXPECT_NE(i2c_problems_of(one + two).find("another chip of this bus answers at 0x48, too"), std::string::npos);
+    EXPECT_NE(i2c_problems_of(one + two + left).find("too"), std::string::npos);
+    EXPECT_NE(i2c_problems_of(one + left + two + left).find("too"), std::string::npos);
+    EXPECT_EQ(i2c_problems_of(one + left + two + right), "");
+    EXPECT_NE(i2c_problems_of(one + left + "[[chip]]\ndevice = 0\nchip = \"mpr121\"\n").find("device = 0 is another chip's"),
               std::string::npos);
 }
 

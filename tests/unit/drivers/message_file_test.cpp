@@ -15,7 +15,7 @@
 namespace tactiled::mcap {
 namespace {
 
-constexpr int kFrames = 60, kFramesOfChunk = 7;
+constexpr int kMessages = 60, kMessagesOfChunk = 7;
 
 struct Seen {
     std::vector<std::string> messages;
@@ -35,9 +35,9 @@ Seen all_of(Source& source) {
 struct MessageFileTest : testing::Test {
     MessageFileTest() {
         recording.writer.attach("tactiled.toml", "application/toml", std::string(3000, 'x'), 5);
-        for (int i = 0; i < kFrames; ++i) {
+        for (int i = 0; i < kMessages; ++i) {
             recording.frame(std::uint16_t(i % 2), std::uint64_t(i), i);
-            if (i % kFramesOfChunk == kFramesOfChunk - 1) recording.writer.flush();
+            if (i % kMessagesOfChunk == kMessagesOfChunk - 1) recording.writer.flush();
         }
         recording.writer.close();
         bytes = recording.bytes();
@@ -56,7 +56,7 @@ struct MessageFileTest : testing::Test {
 };
 
 TEST_F(MessageFileTest, GivesTheMessagesOfTheBytesCutAnywhereOrWhole) {
-    ASSERT_EQ(from(bytes).messages.size(), std::size_t(kFrames));
+    ASSERT_EQ(from(bytes).messages.size(), std::size_t(kMessages));
     for (std::size_t size = 0; size <= bytes.size(); size += size + 31 < bytes.size() ? 31 : 1) {
         recording.become(bytes.substr(0, size));
         ASSERT_EQ(from_disk(), from(bytes.substr(0, size))) << size;
@@ -89,7 +89,7 @@ TEST_F(MessageFileTest, AFileThatIsShortenedWhileItIsReadJustEnds) {
     ASSERT_EQ(::truncate(recording.path.c_str(), off_t(bytes.size() / 2)), 0);
     const std::size_t seen = 1 + all_of(file).messages.size();
     EXPECT_GT(seen, 10u);
-    EXPECT_LT(seen, std::size_t(kFrames));
+    EXPECT_LT(seen, std::size_t(kMessages));
     EXPECT_TRUE(file.at_end());
 }
 
@@ -106,7 +106,7 @@ TEST_F(MessageFileTest, OpeningAFileOfManyGigabytesReadsOneChunkOfIt) {
     file.declare_all();
     EXPECT_LT(file.bytes_read(), 2 * MessageFile::kMaxPiece);
     EXPECT_LE(file.memory_bytes(), MessageFile::kMaxRecord + 64);
-    for (int i = 1; i < kFrames; ++i) ASSERT_TRUE(file.next().has_value());
+    for (int i = 1; i < kMessages; ++i) ASSERT_TRUE(file.next().has_value());
     const std::uint64_t before = file.bytes_read();
     EXPECT_FALSE(file.next(1u << 20).has_value());
     EXPECT_FALSE(file.at_end());
@@ -135,7 +135,7 @@ TEST_F(MessageFileTest, AfterDeclareAllNoChannelIsNew) {
     ASSERT_EQ(file.open(recording.path), "");
     file.declare_all();
     EXPECT_EQ(all_of(file).messages.size(), 0u);
-    EXPECT_EQ(file.reader().unreadable(), unsigned(kFrames));
+    EXPECT_EQ(file.reader().unreadable(), unsigned(kMessages));
 }
 
 TEST_F(MessageFileTest, WhatIsNoRecordingSaysSo) {

@@ -40,7 +40,7 @@ TEST_F(PipelineTest, RefusesTheNewestWhenTheLoopIsLateAndTellsHowMany) {
 
 TEST_F(PipelineTest, ALinkWhoseAgeIsNotProvedIsOpenedAgainOnceAndThenLessOften) {
     const std::uint64_t ms = 1'000'000;
-    links_[0]->age.add(0, {100, 0.2}, 100 * ms);
+    links_[0]->age.add(0, 100 * ms);
     driver_[0]->way = {.path = Route::Path::network, .reopening_discards = true};
     std::uint64_t t_ns = monotonic_ns() - 30'000 * ms;
     std::uint32_t sequence = 0;
@@ -76,6 +76,9 @@ TEST_F(PipelineTest, ALinkWhoseAgeIsNotProvedIsOpenedAgainOnceAndThenLessOften) 
     EXPECT_EQ(sample.reasons, unsigned(TACTILED_UNPROVED_AGE));
     EXPECT_FALSE(stays_open) << "the link is to be opened again";
     ++driver_[0]->counts[TACTILED_LINK_OPENED];
+    links_[0]->age.opened(t_ns + 190 * ms);
+    t_ns += 195 * ms;
+    sequence += 19;  // the frames of the time in which the link was closed are missing
     send_counted(10);
     std::tie(sample, stays_open) = last_of_all();
     EXPECT_EQ(sample.quality, unsigned(TACTILED_GOOD));

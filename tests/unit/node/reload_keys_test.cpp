@@ -74,7 +74,6 @@ public:
     void reload(const std::string& keys) {
         Daemon fresh(keys);
         for (std::size_t i = 0; i < node_.sensors.size(); ++i) node_.sensors[i].retune(fresh.node_.sensors[i]);
-        node_.links.front()->age.retune(fresh.node_.links.front()->age);
     }
     // The samples of both sensors until `end_ns`, at most.
     std::vector<tactiled_sample> run(std::uint64_t begin_ns, std::uint64_t end_ns) {
