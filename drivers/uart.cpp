@@ -70,6 +70,7 @@ public:
         is_direct_ = declared_path_.empty() ? !network_ && is_local_tty(path_) : declared_path_ == "direct";
         asked_ns_ = now_ns();
         asked_again_ = streamed_ = false;
+        answered_ = {};
         if (!ask_for_stream(!network_)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
         if (!tty_overruns(fd_, overruns_at_open_)) overruns_at_open_ = 0;
         overruns_before_ = counts[TACTILED_LINK_OVERRUN];

@@ -132,8 +132,8 @@ bool AsciiDecoder::read_echo(std::string_view line) noexcept {
     Echo echo;
     std::uint64_t time_us = 0;
     bool more = true;
-    if (!read_number(cut_cell(line, ',', more), echo.number) || !more || !read_number(cut_cell(line, ',', more), time_us) || more)
-        return reject(TACTILED_LINK_BAD_VALUE);
+    if (!read_number(cut_cell(line, ',', more), echo.number) || !more) return reject(TACTILED_LINK_BAD_VALUE);
+    if (!read_number(cut_cell(line, ',', more), time_us) || more) return reject(TACTILED_LINK_BAD_VALUE);
     echo.time_us = std::uint32_t(time_us);
     echo_ = echo;
     return false;
@@ -182,6 +182,22 @@ bool AsciiDecoder::read_cells(std::string_view line, Frame& frame) noexcept {
     return true;
 }
 
+namespace {
+
+// Appends the checksum of the text between `line` and `at`, and the end of the line. Returns the new end.
+char* finish_line(const char* line, char* at, const AsciiFormat& format) noexcept {
+    if (format.checksum || format.crc16) {
+        const std::size_t digits = format.crc16 ? kCrcDigits : kXorDigits;
+        const unsigned sum = checksum_of({line, std::size_t(at - line)}, digits);
+        *at++ = '*';
+        for (std::size_t k = digits; k-- > 0;) *at++ = "0123456789ABCDEF"[sum >> 4 * k & 15];
+    }
+    *at++ = '\n';
+    return at;
+}
+
+}  // namespace
+
 std::size_t encode_ascii(const Frame& frame, const AsciiFormat& format, std::span<char, kAsciiMaxBytes * 2> out) noexcept {
     char* at = out.data();
     char* const end = out.data() + out.size() - 8;  // room for "*HHHH\n"
@@ -197,14 +213,7 @@ std::size_t encode_ascii(const Frame& frame, const AsciiFormat& format, std::spa
         if (k != 0 || at != out.data()) *at++ = ',';
         if ((frame.missing >> k & 1u) == 0) at = std::to_chars(at, end, frame.channel[k]).ptr;
     }
-    if (format.checksum || format.crc16) {
-        const std::size_t digits = format.crc16 ? kCrcDigits : kXorDigits;
-        const unsigned sum = checksum_of({out.data(), std::size_t(at - out.data())}, digits);
-        *at++ = '*';
-        for (std::size_t k = digits; k-- > 0;) *at++ = "0123456789ABCDEF"[sum >> 4 * k & 15];
-    }
-    *at++ = '\n';
-    return std::size_t(at - out.data());
+    return std::size_t(finish_line(out.data(), at, format) - out.data());
 }
 
 namespace {
@@ -224,14 +233,27 @@ std::unique_ptr<StreamDecoder> make(Options& options, LinkCounts& counts) {
     return std::make_unique<AsciiDecoder>(format, counts);
 }
 
+AsciiFormat format_of(const StreamSettings& settings, unsigned channels) {
+    return {channels, settings.checksum, settings.sequence, settings.time_us, settings.crc16};
+}
+
 std::vector<std::uint8_t> encode(const Frame& frame, const StreamSettings& settings) {
     std::array<char, kAsciiMaxBytes * 2> line;
-    const AsciiFormat format{frame.n_channels, settings.checksum, settings.sequence, settings.time_us, settings.crc16};
-    const std::size_t n = encode_ascii(frame, format, line);
+    const std::size_t n = encode_ascii(frame, format_of(settings, frame.n_channels), line);
     return {line.begin(), line.begin() + std::ptrdiff_t(n)};
 }
 
-// Returns the whole lines of a stream, without those that a decoder skips.
+std::vector<std::uint8_t> answer(std::string_view request, std::uint32_t time_us, const StreamSettings& settings) {
+    std::uint32_t number = 0;
+    if (!request.starts_with('?') || !read_number(request.substr(1), number)) return {};
+    std::array<char, 32> line{'!'};
+    char* at = std::to_chars(line.data() + 1, line.data() + 11, number).ptr;
+    *at++ = ',';
+    at = std::to_chars(at, at + 10, time_us).ptr;
+    return {line.data(), finish_line(line.data(), at, format_of(settings, 0))};
+}
+
+// Returns the whole lines of a stream, without comments and answers.
 std::vector<std::string_view> whole_lines(std::string_view text) {
     std::vector<std::string_view> lines;
     std::size_t at = text.find('\n');
@@ -239,7 +261,7 @@ std::vector<std::string_view> whole_lines(std::string_view text) {
         std::string_view line = text.substr(at + 1, end - at - 1);
         if (line.ends_with('\r')) line.remove_suffix(1);
         line = trimmed(line);
-        if (!line.empty() && line.front() != '#') lines.push_back(line);
+        if (!line.empty() && line.front() != '#' && line.front() != '!') lines.push_back(line);
     }
     return lines;
 }
@@ -338,7 +360,7 @@ std::optional<StreamGuess> recognise(std::span<const std::uint8_t> bytes, double
     return guess;
 }
 
-const StreamFormat entry{.name = "lines", .make = make, .encode = encode, .recognise = recognise};
+const StreamFormat entry{.name = "lines", .make = make, .encode = encode, .answer = answer, .recognise = recognise};
 
 }  // namespace
 }  // namespace tactiled

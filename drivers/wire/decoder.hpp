@@ -64,6 +64,7 @@ public:
     virtual void reset() noexcept {
         at_ = size_ = 0;
         ready_ = false;
+        echo_ = {};
     }
 
     // Text for the user: the proof of age that the frames carry on a path that may delay them, and a recommended

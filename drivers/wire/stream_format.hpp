@@ -45,6 +45,10 @@ struct StreamFormat {
     std::unique_ptr<StreamDecoder> (*make)(Options& options, LinkCounts& counts);
     // The bytes that a device sends for `frame`. nullptr: `tactilectl play` does not offer this format. setup
     std::vector<std::uint8_t> (*encode)(const Frame& frame, const StreamSettings& settings) = nullptr;
+    // The bytes that a device answers to a line without its end, at `time_us` of its clock; empty: no answer. nullptr: no
+    // device with this format answers. setup
+    std::vector<std::uint8_t> (*answer)(std::string_view request, std::uint32_t time_us,
+                                        const StreamSettings& settings) = nullptr;
     // Returns the keys with which `bytes`, received within `seconds`, are frames; nullopt if they are not of this format.
     // nullptr: `identify` does not look for this format. setup
     std::optional<StreamGuess> (*recognise)(std::span<const std::uint8_t> bytes, double seconds) = nullptr;

@@ -27,7 +27,7 @@ TEST(DocumentedConfig, LoadsWithoutAProblem) {
         link.options.integer("baud", {50, 12e6}, 115200);
         link.options.one_of("format", {"cobs", "lines"});
         link.options.integer("channels", {1, 32}, 1);
-        for (const char* key : {"sequence", "time_us"}) link.options.flag(key, false);
+        for (const char* key : {"sequence", "time_us", "echo"}) link.options.flag(key, false);
         link.options.one_of("checksum", {"crc16", "xor"}, "");
         link.options.one_of("path", {"direct", "network"}, "");
         link.options.integer("clock_ppm", {1, 20'000}, 200);

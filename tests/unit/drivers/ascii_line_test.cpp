@@ -5,6 +5,7 @@
 #include <random>
 
 #include "drivers/wire/ascii_line.hpp"
+#include "drivers/wire/stream_format.hpp"
 #include "tests/unit/drivers/wire_bytes.hpp"
 
 namespace tactiled {
@@ -100,6 +101,115 @@ TEST(AsciiLine, ReadsSequenceAndTimeColumns) {
     EXPECT_EQ(frames[1].device_time_us, 2000u);
     EXPECT_EQ(frames[2].lost, 2u);
     EXPECT_EQ(frames[2].channel[0], 1.7);
+}
+
+constexpr AsciiFormat kNone{.channels = 1}, kXor{.channels = 1, .checksum = true},
+    kCrc{.channels = 1, .checksum = true, .crc16 = true};
+
+// The bytes with which a simulated device answers `request`.
+std::string answer_to(const std::string& request, std::uint32_t time_us, const AsciiFormat& format) {
+    const StreamSettings settings{.checksum = format.checksum, .crc16 = format.crc16};
+    const auto bytes = StreamFormats::find("lines")->answer(request, time_us, settings);
+    return {bytes.begin(), bytes.end()};
+}
+
+std::string line_of(const Frame& frame, const AsciiFormat& format) {
+    std::array<char, kAsciiMaxBytes * 2> out;
+    return {out.data(), encode_ascii(frame, format, out)};
+}
+
+void expect_no_errors(const LinkCounts& counts) {
+    for (const auto kind : {TACTILED_LINK_SKIPPED, TACTILED_LINK_BAD_CHECKSUM, TACTILED_LINK_BAD_LENGTH,
+                            TACTILED_LINK_BAD_VALUE, TACTILED_LINK_REPEATED})
+        EXPECT_EQ(counts[kind], 0u) << kind;
+}
+
+TEST(AsciiEcho, IsReadInAnyChunkingWithEachChecksumAndIsNoFrame) {
+    for (const AsciiFormat& format : {kNone, kXor, kCrc}) {
+        const std::string text = "\n" + line_of(frame_of(0, {1}), format) + answer_to("?4294967295", 4'000'000'000, format) +
+                                 line_of(frame_of(0, {2}), format);
+        for (std::size_t chunk = 1; chunk <= text.size(); ++chunk) {
+            LinkCounts counts;
+            AsciiDecoder decoder(format, counts);
+            EXPECT_EQ(decode(decoder, bytes_of(text), chunk).size(), 2u);
+            const auto echo = decoder.take_echo();
+            EXPECT_EQ(echo.number, 4'294'967'295u) << text;
+            EXPECT_EQ(echo.time_us, 4'000'000'000u);
+            EXPECT_EQ(decoder.take_echo().number, 0u) << "it is given once";
+            EXPECT_EQ(counts[TACTILED_LINK_BYTES], text.size());
+            EXPECT_EQ(counts[TACTILED_LINK_FRAMES], 2u);
+            expect_no_errors(counts);
+        }
+    }
+}
+
+TEST(AsciiEcho, BelongsToTheFrameAfterIt) {
+    LinkCounts counts;
+    AsciiDecoder decoder(kNone, counts);
+    decoder.push(bytes_of("\n1\n!7,70\n2\n3\n!8,80\n"), 1);
+    Frame frame;
+    for (const std::uint32_t number : {0u, 7u, 0u}) {
+        ASSERT_TRUE(decoder.next(frame));
+        EXPECT_EQ(decoder.take_echo().number, number) << frame.channel[0];
+    }
+    EXPECT_FALSE(decoder.next(frame));
+    decoder.reset();
+    EXPECT_EQ(decoder.take_echo().number, 0u) << "an answer of the opening before";
+}
+
+TEST(AsciiEcho, TakesTheTimeModulo32Bits) {
+    for (const std::string line : {"!5,4294967299\n", "!5, 3\r\n", " !5,3\n"}) {
+        LinkCounts counts;
+        AsciiDecoder decoder(kNone, counts);
+        EXPECT_TRUE(decode(decoder, bytes_of(line)).empty());
+        const auto echo = decoder.take_echo();
+        EXPECT_EQ(echo.number, 5u) << line;
+        EXPECT_EQ(echo.time_us, 3u) << line;
+        expect_no_errors(counts);
+    }
+}
+
+TEST(AsciiEcho, ThatIsDamagedIsCountedAndNotTaken) {
+    const auto count_of = [](const std::string& line, const AsciiFormat& format, tactiled_link_count kind) {
+        LinkCounts counts;
+        AsciiDecoder decoder(format, counts);
+        EXPECT_TRUE(decode(decoder, bytes_of("\n" + line + "\n")).empty()) << line;
+        EXPECT_EQ(decoder.take_echo().number, 0u) << line;
+        EXPECT_EQ(counts[TACTILED_LINK_SKIPPED], line.size() + 1) << line;
+        return counts[kind];
+    };
+    for (const std::string line : {"!", "!,", "!5", "!5,", "!,5", "!5,6,7", "!5;6", "!-5,6", "!5,-6", "!5,6.5", "!x,6",
+                                   "!!5,6", "!4294967296,6", "!5,18446744073709551616", "!99999999999999999999,6"})
+        EXPECT_EQ(count_of(line, kNone, TACTILED_LINK_BAD_VALUE), 1u) << line;
+    EXPECT_EQ(count_of("!" + std::string(600, '5'), kNone, TACTILED_LINK_BAD_LENGTH), 1u);
+    for (const AsciiFormat& format : {kXor, kCrc}) {
+        EXPECT_EQ(count_of("!5,6", format, TACTILED_LINK_BAD_CHECKSUM), 1u) << "without its checksum";
+        std::string line = answer_to("?5", 6789, format);
+        line.pop_back();
+        for (std::size_t k = 1; k < line.size(); ++k) {
+            std::string damaged = line;
+            damaged[k] = char(damaged[k] ^ 1);
+            EXPECT_EQ(count_of(damaged, format, TACTILED_LINK_BAD_CHECKSUM), 1u) << damaged;
+        }
+    }
+}
+
+TEST(AsciiEcho, ADeviceAnswersRequestsAlone) {
+    EXPECT_EQ(answer_to("?12", 345, kNone), "!12,345\n");
+    for (const std::string line : {"", "?", "12", "?x", "?4294967296", "?12 ", "!12,345", "#?12"})
+        EXPECT_EQ(answer_to(line, 1, kNone), "") << line;
+}
+
+TEST(AsciiEcho, IsNoBadLineForIdentify) {
+    std::string text = "\n";
+    for (int i = 0; i < 100; ++i) {
+        text += std::to_string(i) + "," + std::to_string(i * 10'000) + ",1.5\n";
+        if (i % 10 == 0) text += "!" + std::to_string(i) + "," + std::to_string(i * 10'000) + "\n";
+    }
+    const auto guess = StreamFormats::find("lines")->recognise(bytes_of(text), 1);
+    ASSERT_TRUE(guess);
+    EXPECT_EQ(guess->good, 100u);
+    EXPECT_EQ(guess->bad, 0u) << guess->last_bad;
 }
 
 }  // namespace

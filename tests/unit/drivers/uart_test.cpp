@@ -11,6 +11,7 @@
 #include <random>
 #include <thread>
 
+#include "drivers/clock.hpp"
 #include "drivers/driver.hpp"
 #include "drivers/tty.hpp"
 #include "drivers/wire/cobs_frame.hpp"
@@ -243,6 +244,56 @@ TEST_F(UartTest, AHexStreamIsAskedForReadAndStoppedAsConfigured) {
     (void)make("format = \"hex\"\nchannels = 2\ndigits = 2\nmost = 256");
     ASSERT_EQ(problems_.lines().size(), 1u);
     EXPECT_NE(problems_.lines()[0].find("most = 256 is outside 1 .. 255"), std::string::npos) << problems_.lines()[0];
+}
+
+TEST_F(UartTest, AsksForAnEchoOnceASecondAndGivesItsTimeToTheNextFrame) {
+    const auto driver = make("format = \"lines\"\nchannels = 1\necho = true");
+    ASSERT_TRUE(problems_.empty()) << problems_.lines().front();
+    ASSERT_EQ(driver->open(), "");
+    const auto request = [&] {
+        char text[32] = {};
+        const ssize_t size = ::read(master_, text, sizeof text - 1);
+        return std::string(text, std::size_t(std::max<ssize_t>(0, size)));
+    };
+    const auto read_after = [&](const std::string& text) {
+        send(text.data(), text.size());
+        Frame frame;
+        EXPECT_EQ(driver->read(frame, 1000), Status::frame);
+        return frame;
+    };
+    const std::uint64_t began_ns = now_ns();
+    EXPECT_EQ(read_after("\n1\n").asked_ns, 0u);
+    EXPECT_EQ(request(), "?1\n");
+    EXPECT_EQ(read_after("!2,77\n1\n").asked_ns, 0u) << "another number";
+    const Frame answered = read_after("!1,77\n2\n");
+    EXPECT_GE(answered.asked_ns, began_ns);
+    EXPECT_LT(answered.asked_ns, answered.t_ns);
+    EXPECT_EQ(answered.answered_us, 77u);
+    EXPECT_EQ(read_after("3\n").asked_ns, 0u);
+    Frame frame;
+    EXPECT_EQ(driver->read(frame, 1000), Status::timeout);
+    EXPECT_EQ(driver->read(frame, 1), Status::timeout);
+    EXPECT_EQ(request(), "?2\n");
+    EXPECT_EQ(driver->counts[TACTILED_LINK_SKIPPED], 0u);
+}
+
+TEST_F(UartTest, ADeviceThatNeverReadsItsRequestsIsReadOn) {
+    const auto driver = make("format = \"lines\"\nchannels = 1\necho = true");
+    ASSERT_EQ(driver->open(), "");
+    const int other = ::open(port_.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK);
+    ASSERT_GE(other, 0);
+    const std::string noise(4096, 'x');
+    while (::write(other, noise.data(), noise.size()) > 0) {}
+    ::close(other);
+    send("\n1\n", 3);
+    Frame frame;
+    EXPECT_EQ(driver->read(frame, 1000), Status::frame);
+}
+
+TEST_F(UartTest, OnlyAFormatWithEchoLinesCanBeAskedForThem) {
+    (void)make("format = \"cobs\"\necho = true");
+    ASSERT_EQ(problems_.lines().size(), 1u);
+    EXPECT_NE(problems_.lines()[0].find("format = \"lines\""), std::string::npos) << problems_.lines()[0];
 }
 
 TEST_F(UartTest, SetsRawModeAndAnyRate) {
