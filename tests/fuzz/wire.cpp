@@ -1,9 +1,9 @@
 // All stream decoders, and a Modbus master's answers. The first byte chooses the format and the size of the chunks. A serial
 // format without an oracle of its own here is still fuzzed: `any` makes each registered format from the keys of its link.
-// Oracles: the same frames whatever the chunks; a frame's channels are finite or marked missing; every frame of the binary
-// format survives being encoded and decoded again; bytes in = bytes counted; what is longer between two ends than any frame
-// is counted. A Modbus answer is the same whatever the
-// chunks, and what it holds stands in the bytes under a right CRC or our transaction.
+// Oracles: the same frames and echoes whatever the chunks; a frame's channels are finite or marked missing; every frame of
+// the binary format survives being encoded and decoded again; bytes in = bytes counted; what is longer between two ends than
+// any frame is counted. A Modbus answer is the same whatever the chunks, and what it holds stands in the bytes under a right
+// CRC or our transaction.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -148,7 +148,12 @@ std::vector<Frame> decode(Format format, std::span<const std::uint8_t> bytes, st
     Frame frame;
     for (std::size_t at = 0; at < bytes.size(); at += chunk) {
         decoder->push(bytes.subspan(at, std::min(chunk, bytes.size() - at)), 1);
-        while (decoder->next(frame)) frames.push_back(frame);
+        while (decoder->next(frame)) {
+            const StreamDecoder::Echo echo = decoder->take_echo();  // belongs to this frame, as in the driver
+            frame.asked_ns = echo.number;
+            frame.answered_us = echo.time_us;
+            frames.push_back(frame);
+        }
     }
     check(counts[TACTILED_LINK_BYTES] == std::uint32_t(bytes.size()));
     check(counts[TACTILED_LINK_FRAMES] == frames.size());
@@ -218,7 +223,8 @@ bool same(const Frame& a, const Frame& b) {
     for (unsigned k = 0; k < a.n_channels; ++k)
         if (std::memcmp(&a.channel[k], &b.channel[k], sizeof a.channel[k]) != 0) return false;
     return a.sequence == b.sequence && a.n_channels == b.n_channels && a.missing == b.missing &&
-           a.saturated == b.saturated && a.device == b.device && a.device_time_us == b.device_time_us;
+           a.saturated == b.saturated && a.device == b.device && a.device_time_us == b.device_time_us &&
+           a.asked_ns == b.asked_ns && a.answered_us == b.answered_us;
 }
 
 const ModbusRequest kAsked{.transaction = 0x2020, .unit = 9, .function = 3, .at = 180, .count = 2};
@@ -294,6 +300,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         for (unsigned k = 0; k < f.n_channels; ++k) check(std::isfinite(f.channel[k]) != ((f.missing >> k & 1u) != 0));
         if (format == Format::ft300) check_ft300(f, bytes);
         if (format == Format::lines) check_line(f);
+        check(f.asked_ns == 0 || std::find(bytes.begin(), bytes.end(), '!') != bytes.end());
         if (format == Format::hex) check_hex(f, bytes);
         if (as_reported == Format::cobs_body) check_cobs(f, {data + 1, size - 1});
         if (format != Format::cobs) continue;
