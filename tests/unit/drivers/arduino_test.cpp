@@ -18,9 +18,14 @@ constexpr int A0 = 14, A1 = 15, A2 = 16;
 int analogRead(int pin) { return pin * 60 + int(now_us / 10'000 % 100); }
 struct {
     unsigned long baud = 0;
-    std::string printed;
+    std::string printed, heard;
     void begin(unsigned long rate) { baud = rate; }
     void println(const char* text) { printed += std::string(text) + "\r\n"; }
+    int read() {
+        const int byte = heard.empty() ? -1 : heard[0];
+        heard.erase(0, 1);
+        return byte;
+    }
 } Serial;
 
 #include "arduino_sketch.inc"
@@ -41,6 +46,29 @@ TEST(Arduino, TheSketchOfThePagePrintsWhatTheDecoderReads) {
         EXPECT_NEAR(frames[i].channel[1], 900 + double(frames[i].device_time_us / 10'000 % 100), 1);
     }
     EXPECT_EQ(counts[TACTILED_LINK_SKIPPED], 0u);
+}
+
+TEST(Arduino, TheSketchAnswersARequestBeforeItMeasuresTheNextFrame) {
+    arduino::setup();
+    arduino::loop();
+    arduino::Serial.printed.clear();
+    arduino::Serial.heard = "?17\n";
+    const std::uint32_t asked_us = std::uint32_t(arduino::now_us);
+    arduino::loop();
+    LinkCounts counts;
+    AsciiDecoder decoder({.channels = 3, .sequence = true, .time_us = true, .crc16 = true}, counts);
+    const auto frames = decode(decoder, bytes_of(arduino::Serial.printed));
+    ASSERT_EQ(frames.size(), 1u) << arduino::Serial.printed;
+    const auto echo = decoder.take_echo();
+    EXPECT_EQ(echo.number, 17u);
+    EXPECT_LT(echo.time_us - asked_us, 100u) << "it answers while it waits";
+    EXPECT_LT(echo.time_us, frames[0].device_time_us);
+    EXPECT_EQ(counts[TACTILED_LINK_SKIPPED], 0u);
+    arduino::Serial.heard = "?\n?99\n?4294967295\n";  // bytes that wait do not delay the frames
+    arduino::Serial.printed.clear();
+    arduino::loop();
+    EXPECT_EQ(decode(decoder, bytes_of(arduino::Serial.printed)).size(), 1u);
+    EXPECT_EQ(decoder.take_echo().number, 4294967295u);
 }
 
 TEST(Arduino, TheSketchHasAtMost30Lines) {
