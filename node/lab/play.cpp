@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <functional>
 #include <iterator>
 #include <memory>
@@ -64,24 +65,25 @@ int play(const Args& args) {
     const std::vector<Row> rows = read_rows(args);
     const double length_s =
         rows.size() < 2 ? 1 : (rows.back().t_s - rows.front().t_s) * double(rows.size()) / double(rows.size() - 1);
-    Port port(args.pty);
-    wait_for_reader(port);
+    const std::array ports{std::make_unique<Port>(args.pty)};
+    wait_for_reader(*ports[0]);
 
     std::uint64_t sent = 0, dropped = 0, number = 0;
     const std::uint64_t began_ns = monotonic_ns();
+    ports[0]->set_clock(began_ns / 1000, began_ns);
     for (std::uint64_t lap = 0; interrupted == 0 && (lap == 0 || args.loop); ++lap) {
         for (std::size_t i = 0; i < rows.size() && interrupted == 0; ++i, ++number) {
             const double due_s = args.rate_Hz > 0 ? double(number) / args.rate_Hz
                                                   : (double(lap) * length_s + rows[i].t_s - rows.front().t_s) / args.speed;
             const std::uint64_t due_ns = began_ns + std::uint64_t(due_s * 1e9);
-            sleep_until(due_ns);
+            args.wire.answer_until(due_ns, ports);
 
             Frame frame;
             frame.sequence = std::uint32_t(number);
             frame.device_time_us = due_ns / 1000;
             frame.n_channels = std::uint8_t(rows[i].channel.size());
             std::copy(rows[i].channel.begin(), rows[i].channel.end(), frame.channel.begin());
-            ++(args.wire.send(port, frame) ? sent : dropped);
+            ++(args.wire.send(*ports[0], frame) ? sent : dropped);
         }
     }
     let_reader_finish();

@@ -8,6 +8,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -23,6 +25,13 @@ namespace {
 // The bytes of a tty pass through a worker of the kernel that runs with ordinary priority, so a reader waits for it:
 // 0.23 s beside eight busy programs on two CPUs (2026-11-22).
 constexpr std::uint64_t kPatienceNs = 1'000'000'000;
+constexpr std::uint64_t kAnswerNs = 2'000'000;  // a microcontroller answers between two frames, too
+constexpr std::size_t kMaxRequest = 256;
+
+void sleep_until(std::uint64_t due_ns) {
+    const timespec due{time_t(due_ns / 1'000'000'000u), long(due_ns % 1'000'000'000u)};
+    while (interrupted == 0 && ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, nullptr) == EINTR) {}
+}
 
 }  // namespace
 
@@ -73,6 +82,27 @@ bool Port::send(const void* bytes, std::size_t size) {
     }
 }
 
+std::string Port::receive() {
+    std::array<char, kMaxRequest> piece;
+    const ssize_t size = ::read(master_, piece.data(), piece.size());
+    if (size > 0) received_.append(piece.data(), std::size_t(size));
+    const std::size_t end = received_.find('\n');
+    if (end == received_.npos) {
+        if (received_.size() > kMaxRequest) received_.clear();
+        return "";
+    }
+    std::string line = received_.substr(0, end);
+    received_.erase(0, end + 1);
+    return line;
+}
+
+void Port::set_clock(std::uint64_t time_us, std::uint64_t at_ns) noexcept {
+    clock_us_ = time_us;
+    clock_ns_ = at_ns;
+}
+
+std::uint64_t Port::clock_us() const noexcept { return clock_us_ + (monotonic_ns() - clock_ns_) / 1000; }
+
 void Wire::add_options(Command verb) {
     const auto names = StreamFormats::names([](const StreamFormat& each) { return each.encode != nullptr; });
     verb.add_option("--format", name, "wire format").one_of(names).show_default();
@@ -96,14 +126,22 @@ bool Wire::send(Port& port, Frame frame) const {
     return port.send(bytes.data(), bytes.size());
 }
 
+void Wire::answer_until(std::uint64_t due_ns, std::span<const std::unique_ptr<Port>> ports) const {
+    const auto answer = format().answer;
+    if (answer == nullptr) return sleep_until(due_ns);
+    do {
+        sleep_until(std::min(due_ns, monotonic_ns() + kAnswerNs));
+        for (const auto& port : ports)
+            for (std::string line = port->receive(); !line.empty(); line = port->receive()) {
+                const auto bytes = answer(line, std::uint32_t(port->clock_us()), settings);
+                (void)port->send(bytes.data(), bytes.size());
+            }
+    } while (interrupted == 0 && monotonic_ns() < due_ns);
+}
+
 void wait_for_reader(const Port& port) {
     while (interrupted == 0 && !port.has_reader()) ::usleep(2'000);
     ::usleep(20'000);  // lets the opener set its tty up and flush it
-}
-
-void sleep_until(std::uint64_t due_ns) {
-    const timespec due{time_t(due_ns / 1'000'000'000u), long(due_ns % 1'000'000'000u)};
-    while (interrupted == 0 && ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, nullptr) == EINTR) {}
 }
 
 void let_reader_finish() {

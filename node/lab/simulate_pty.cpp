@@ -47,10 +47,14 @@ struct Device {
     sim::Arrivals arrivals;
 
     // The device's clock follows the host's clock and not the scene's.
+    static std::uint64_t time_us(double t_s, double speed) {
+        return std::uint64_t(std::max(0.0, t_s) / speed * 1e6 + kClockOffset_us);
+    }
+
     static Frame frame(const sim::Sensor& sensor, const sim::SentFrame& sent, bool shares_port, double speed) {
         Frame frame;
         frame.sequence = std::uint32_t(sent.sample / sensor.every);
-        frame.device_time_us = std::uint64_t(std::max(0.0, sent.t_s) / speed * 1e6 + kClockOffset_us);
+        frame.device_time_us = time_us(sent.t_s, speed);
         frame.device = shares_port ? sensor.device : std::uint16_t(0);
         frame.n_channels = std::uint8_t(sensor.n());
         for (std::size_t k = 0; k < sensor.n(); ++k)
@@ -81,8 +85,10 @@ int play_scene(const sim::Scene& scene, const std::string& effects, const std::v
         for (std::size_t i = 0; i < sensors; ++i) block[i] = &simulation.advance(i);
         for (std::size_t n = 0; n < block[0]->n && interrupted == 0; ++n) {
             const std::uint64_t sample = done + n;
-            sleep_until(began_ns + std::uint64_t(double(sample) / scene.rate_Hz / speed * 1e9));
+            const std::uint64_t due_ns = began_ns + std::uint64_t(double(sample) / scene.rate_Hz / speed * 1e9);
+            wire.answer_until(due_ns, ports);
             for (std::size_t i = 0; i < sensors && interrupted == 0; ++i) {
+                devices[i].port->set_clock(Device::time_us(block[i]->t_s[n], speed), due_ns);
                 for (const sim::SentFrame& frame : devices[i].arrivals.take(*block[i], n))
                     ++(wire.send(*devices[i].port, Device::frame(scene.sensors[i], frame, ports.size() < sensors, speed))
                            ? sent
