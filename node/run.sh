@@ -78,7 +78,7 @@ trap 'exit 0' INT TERM
 rm -f build/demo/left build/demo/right
 
 # In a terminal Ctrl-C reaches every process: end() stops player and daemon instead, in order.
-setsid "$bin/tactilectl" play --in config/demo/skin_session2.csv --pty build/demo/skin --format lines --sequence --crc16 \
+setsid "$bin/tactilectl" play --in config/demo/skin_session2.csv --pty build/demo/skin --format lines --sequence --time --crc16 \
     --speed 4 --loop 2>build/demo/play-skin.log 8>&- & children+=($!)
 setsid "$bin/tactiled" --config "$config" 2>build/demo/tactiled.log 8>&- & daemon=$!
 children=("$daemon" "${children[@]}")

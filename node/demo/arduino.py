@@ -7,9 +7,11 @@
 
 ARDUINO=PATH: the link to the pty, build/demo/arduino if not given
 """
+import binascii
 import os
 import pathlib
 import random
+import select
 import signal
 import sys
 import time
@@ -22,13 +24,25 @@ COUNTS_A_N = ((42.0, 5.0, -38.0), (-44.0, 3.0, -41.0), (2.0, 40.0, -36.0), (-3.0
 ZERO = (302.0, 295.0, 310.0, 288.0)
 
 
-def crc16(data):
-    crc = 0xFFFF
-    for byte in data:
-        crc ^= byte << 8
-        for _ in range(8):
-            crc = (crc << 1 ^ 0x1021 if crc & 0x8000 else crc << 1) & 0xFFFF
-    return crc
+def line(text):
+    """Returns the bytes of a line with its CRC."""
+    return f"{text}*{binascii.crc_hqx(text.encode(), 0xFFFF):04X}\r\n".encode()
+
+
+class Echo:
+    """Answers the requests ?N of a daemon with echo = true. `time_us()` is the device's clock."""
+
+    def __init__(self, port, time_us):
+        self.port, self.time_us, self.received = port, time_us, b""
+
+    def answers(self):
+        """Returns the lines that answer the requests since the last call. Does not block where the port does not."""
+        try:
+            self.received += os.read(self.port, 4096)
+        except OSError:
+            pass  # no request
+        *requests, self.received = self.received.split(b"\n")
+        return b"".join(line(f"!{int(r[1:])},{self.time_us()}") for r in requests if r[:1] == b"?" and r[1:].isdigit())
 
 
 def state_file(port):
@@ -56,20 +70,29 @@ def run(port):
     port.symlink_to(os.ttyname(slave))
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     noise, began, number = random.Random(1), time.monotonic(), 0
+
+    def time_us():
+        return int((time.monotonic() - began) * 1e6) & 0xFFFFFFFF
+
+    def send(data):
+        try:
+            os.write(master, data)
+        except BlockingIOError:
+            pass  # no program reads: a serial port would lose these bytes, too
+
+    echo = Echo(master, time_us)
     try:
         while True:
-            time.sleep(max(0, began + number / RATE_Hz - time.monotonic()))
+            while (left := began + number / RATE_Hz - time.monotonic()) > 0:
+                if select.select([master], [], [], left)[0]:
+                    send(echo.answers())
             mounting, load = read_state(port)
             mounted = random.Random(mounting)
             channels = []
             for zero, gains in zip(ZERO, COUNTS_A_N):
                 gain = mounted.gauss(1, 0.005)
                 channels.append(zero + mounted.gauss(0, 0.5) + gain * sum(g * f for g, f in zip(gains, load)) + noise.gauss(0, NOISE))
-            text = f"{number},{int((time.monotonic() - began) * 1e6)}," + ",".join(f"{c:.2f}" for c in channels)
-            try:
-                os.write(master, f"{text}*{crc16(text.encode()):04X}\r\n".encode())
-            except BlockingIOError:
-                pass  # no program reads: a serial port would lose these bytes, too
+            send(line(f"{number},{time_us()}," + ",".join(f"{c:.2f}" for c in channels)))
             number += 1
     finally:
         port.unlink(missing_ok=True)

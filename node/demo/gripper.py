@@ -2,17 +2,15 @@
 faults that keys switch on."""
 import collections
 import pathlib
-import struct
 import sys
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/system"))
 import pick_bench  # noqa: E402
-from simulated_sensors import cobs_frame  # noqa: E402
+from arduino import Echo, line  # noqa: E402
 
 DELAY_s = 0.6
-TIME = 2  # flag of a binary frame: it carries the device's time (drivers/wire/cobs_frame.md)
 
 FAULTS = {  # key: name, effect
     "u": ("unplug", "the left jaw's cable is pulled"),
@@ -23,10 +21,11 @@ FAULTS = {  # key: name, effect
 
 
 class DemoSkin:
-    """The skin of the tests, with a clock in its frames and with faults."""
+    """The skin of the tests, with lines that have a clock, with the answers to the daemon's requests, and with faults."""
 
     def __init__(self, skin):
         self.skin, self.fault, self.held, self.began = skin, "", None, time.monotonic()
+        self.echo = None
         self.late = collections.deque()
 
     def begin(self, method):
@@ -46,13 +45,14 @@ class DemoSkin:
             self.held = None
         return values
 
+    def time_us(self):
+        return int((time.monotonic() - self.began) * 1e6) & 0xFFFFFFFF
+
     def frame(self, sequence, channels):
-        now = time.monotonic()
-        plain = struct.pack("<BBBBHI", 2, 0, len(channels), TIME, sequence & 0xFFFF, int((now - self.began) * 1e6) & 0xFFFFFFFF)
-        for value in channels:
-            plain += struct.pack("<i", round(value * self.skin.counts_per_unit))
-        frame = cobs_frame(plain)
-        self.late.append((now + (DELAY_s if self.fault == "d" else 0), frame))
+        answers, now = self.echo.answers(), time.monotonic()
+        cells = [sequence, self.time_us(), *(round(value * self.skin.counts_per_unit) for value in channels)]
+        frame = line(",".join(map(str, cells)))
+        self.late.append((now + (DELAY_s if self.fault == "d" else 0), answers + frame))
         out = b""
         while self.late and self.late[0][0] <= now:
             out += self.late.popleft()[1]
@@ -67,6 +67,8 @@ class Gripper(pick_bench.Robot):
             super().__init__(folder, seed)
         finally:
             pick_bench.SENSORS["skin"] = original
+        for name, skin in self.skins.items():
+            skin.echo = Echo(self.master[name], skin.time_us)
 
     def inject(self, key):
         """Switches the fault of a key on, or with "r" every fault off."""

@@ -1,0 +1,260 @@
+"""Links with echo = true, with the release daemon: devices that answer, that do not, and that answer something else. The
+simulated devices answer."""
+import binascii
+import contextlib
+import json
+import os
+import pathlib
+import select
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import tty
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tests/system"), str(ROOT / "node/python")]
+import tactiled  # noqa: E402
+from daemon import BIN, Daemon, wait_for  # noqa: E402
+from freshness_test import CALIBRATION  # noqa: E402
+
+PERIOD_S = 0.01
+# Without a proof the bound of the age grows by 20 ms/s, and exceeds stale_ms after five seconds.
+LINK = """
+[[link]]
+name = "{name}"
+{driver}
+format = "lines"
+channels = 1
+sequence = true
+time_us = true
+checksum = "crc16"
+clock_ppm = 20000
+echo = true
+
+[[sensor]]
+name = "{name}"
+link = "{name}"
+model = "generic"
+calibration = "{{folder}}/unit.toml"
+stale_ms = 100
+rate_Hz = 100
+"""
+UNPROVED_S = 8
+ERRORS = ("skipped_bytes", "bad_checksum", "bad_length", "bad_value", "lost", "repeated", "gone", "restarted", "open_failed")
+
+
+def line(text):
+    return f"{text}*{binascii.crc_hqx(text.encode(), 0xFFFF):04X}\n".encode()
+
+
+def time_us():
+    return int(time.monotonic() * 1e6) & 0xFFFFFFFF
+
+
+class Device(threading.Thread):
+    """Measures 100 times a second. `answer(number, time)` returns the bytes for a request; None: it never reads."""
+
+    def __init__(self, answer, tcp=False):
+        super().__init__(daemon=True)
+        self.answer, self.tcp, self.requests, self.ended = answer, tcp, [], threading.Event()
+        if tcp:
+            self.server = socket.create_server(("127.0.0.1", 0))
+            self.keys = f'driver = "tcp"\naddress = "127.0.0.1:{self.server.getsockname()[1]}"'
+        else:
+            self.port, self.slave = os.openpty()
+            tty.setraw(self.slave)
+            os.set_blocking(self.port, False)
+            self.keys = f'driver = "uart"\ndevice = "{os.ttyname(self.slave)}"'
+        self.start()
+
+    def run(self):
+        if self.tcp:
+            self.connection = self.server.accept()[0]
+            self.port = self.connection.fileno()
+        number, due, self.received = 0, time.monotonic(), b""
+        while not self.ended.is_set():
+            due += PERIOD_S
+            while (left := due - time.monotonic()) > 0:
+                if self.answer is None:
+                    time.sleep(left)
+                elif select.select([self.port], [], [], left)[0] and not self.answer_all():
+                    return
+            self.send(line(f"{number},{time_us()},{number % 7}"))
+            number += 1
+
+    def answer_all(self):
+        """Returns False after the end of the connection."""
+        data = os.read(self.port, 4096)
+        *requests, self.received = (self.received + data).split(b"\n")
+        for request in requests:
+            self.requests.append(request.decode())
+            self.send(self.answer(int(request[1:]), time_us()))
+        return bool(data)
+
+    def send(self, data):
+        with contextlib.suppress(OSError):  # no program reads
+            os.write(self.port, data)
+
+    def finish(self):
+        self.ended.set()
+        self.join(2)
+
+
+def answered(number, t_us):
+    return line(f"!{number},{t_us}")
+
+
+ANSWERS = {"pty": (answered, False), "tcp": (answered, True)}
+OTHERS = {  # name: answer, and the counter of its lines
+    "deaf": (None, ""),
+    "mute": (lambda n, t: b"", ""),
+    "next-number": (lambda n, t: line(f"!{n + 1},{t}"), ""),
+    "zero": (lambda n, t: line(f"!0,{t}"), ""),
+    "damaged": (lambda n, t: b"!%d,%d*0000\n" % (n, t), "bad_checksum"),
+    "too-long": (lambda n, t: line(f"!{n + 2 ** 32},{t}"), "bad_value"),
+    "no-time": (lambda n, t: line(f"!{n}"), "bad_value"),
+}
+
+
+class Echo(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        """All devices run at once, for longer than the age is proved without an answer."""
+        cls.devices = {name: Device(*of) for name, of in ANSWERS.items()}
+        cls.devices.update((name, Device(answer)) for name, (answer, _) in OTHERS.items())
+        config = "".join(LINK.format(name=name, driver=device.keys) for name, device in cls.devices.items())
+        cls.looks, cls.good = 0, dict.fromkeys(cls.devices, 0)
+        try:
+            with Daemon(config) as daemon:
+                (daemon.folder / "unit.toml").write_text(CALIBRATION)
+                daemon.start()
+                with tactiled.open(daemon.name) as node:
+                    wait_for(lambda: all(node.latest(name).quality == tactiled.GOOD for name in cls.devices), 10, "GOOD samples")
+                    until = time.monotonic() + UNPROVED_S
+                    while time.monotonic() < until:
+                        cls.looks += 1
+                        for name in cls.devices:
+                            cls.good[name] += node.latest(name).quality == tactiled.GOOD
+                        time.sleep(0.01)
+                    cls.samples = {name: node.latest(name) for name in cls.devices}
+                status = json.loads(daemon.ctl("status", "--json").stdout)
+                cls.links = {link["name"]: link for link in status["links"]}
+                cls.sensors = {sensor["name"]: sensor for sensor in status["sensors"]}
+        finally:
+            for device in cls.devices.values():
+                device.finish()
+
+    def errors(self, name):
+        return {key: n for key, n in self.links[name].items() if key in ERRORS and n}
+
+    def test_a_device_that_answers_stays_good_by_its_answers_alone(self):
+        for name in ANSWERS:
+            with self.subTest(name):
+                self.assertEqual(self.samples[name].quality, tactiled.GOOD, self.samples[name].reasons_text)
+                self.assertGreater(self.good[name], 0.9 * self.looks)
+                self.assertEqual(self.sensors[name]["freshness"], "clock")
+
+    def test_it_is_asked_once_a_second(self):
+        for name in ANSWERS:
+            with self.subTest(name):
+                requests = self.devices[name].requests
+                for request in requests:
+                    self.assertRegex(request, r"^\?[1-9]\d{0,9}$")
+                self.assertEqual(len(set(requests)), len(requests))
+                self.assertTrue(UNPROVED_S - 2 <= len(requests) <= UNPROVED_S + 6, requests)
+
+    def test_answers_are_neither_frames_nor_errors(self):
+        for name in (*ANSWERS, *(name for name, (_, counter) in OTHERS.items() if not counter)):
+            with self.subTest(name):
+                self.assertEqual(self.errors(name), {})
+                self.assertEqual(self.links[name]["opened"], 1)
+
+    def test_without_a_right_answer_frames_are_read_and_the_bound_grows(self):
+        for name, (_, counter) in OTHERS.items():
+            with self.subTest(name):
+                self.assertEqual((self.samples[name].quality, self.samples[name].reasons), (tactiled.UNCERTAIN, tactiled.UNPROVED_AGE))
+                self.assertGreater(self.good[name], 0.2 * self.looks, "the age was proved at first")
+                self.assertEqual((self.links[name]["opened"], self.links[name]["gone"], self.links[name]["lost"]), (1, 0, 0))
+                if counter:
+                    self.assertGreaterEqual(self.links[name][counter], UNPROVED_S - 2)
+                    self.assertEqual(set(self.errors(name)), {counter, "skipped_bytes"})
+
+
+class SimulatedDevices(unittest.TestCase):
+    """Each device sends a frame each 0.2 s; it answers in between, and in the order of the device's times."""
+
+    def setUp(self):
+        temporary = tempfile.TemporaryDirectory()
+        self.addCleanup(temporary.cleanup)
+        self.folder = pathlib.Path(temporary.name)
+        self.path = self.folder / "port"
+
+    def run_device(self, *words):
+        device = subprocess.Popen(words, stderr=subprocess.DEVNULL, env={**os.environ, "ARDUINO": str(self.path)})
+        self.addCleanup(device.wait, 10)
+        self.addCleanup(device.terminate)
+        wait_for(self.path.is_symlink, 10, "the port")
+        self.port = os.open(self.path, os.O_RDWR | os.O_NOCTTY)
+        self.addCleanup(os.close, self.port)
+        tty.setraw(self.port)
+        self.received = b""
+        self.lines_for(0.5)
+
+    def lines_for(self, seconds):
+        """Returns the whole lines that come within this time, as (time of arrival, text)."""
+        lines, until = [], time.monotonic() + seconds
+        while (left := until - time.monotonic()) > 0:
+            if select.select([self.port], [], [], left)[0]:
+                *whole, self.received = (self.received + os.read(self.port, 4096)).split(b"\n")
+                lines += [(time.monotonic(), text.decode(errors="replace").rstrip("\r")) for text in whole]
+        return lines
+
+    def check_answers(self, period_s):
+        for number in (1, 4294967295):
+            request = f"?{number}\n".encode()
+            os.write(self.port, request[:2])
+            time.sleep(0.05)  # a request may come in pieces
+            os.write(self.port, request[2:] + b"?x\n#\n")
+            asked = time.monotonic()
+            lines = self.lines_for(1)
+            answers = [(t, text) for t, text in lines if text.startswith("!")]
+            self.assertEqual(len(answers), 1, lines)
+            self.assertLess(answers[0][0] - asked, 0.1)
+            body, crc = answers[0][1].split("*")
+            self.assertEqual(int(crc, 16), binascii.crc_hqx(body.encode(), 0xFFFF))
+            self.assertRegex(body, rf"^!{number},\d+$")
+            times = [int(text.split("*")[0].split(",")[1]) for _, text in lines]
+            self.assertEqual(times, sorted(times), "the answer has the time of the same clock")
+            self.assertAlmostEqual(len(lines) - 1, 1 / period_s, delta=0.1 / period_s + 2)
+
+    def test_play(self):
+        table = self.folder / "table.csv"
+        table.write_text("t_s,a\n" + "".join(f"{0.2 * i},{i % 7}\n" for i in range(100)))
+        self.run_device(BIN / "tactilectl", "play", "--in", table, "--pty", self.path, "--sequence", "--time", "--crc16")
+        self.check_answers(0.2)
+
+    def test_simulate(self):
+        scene = self.folder / "scene.toml"
+        scene.write_text('format = 1\ntitle = "one"\nrate_Hz = 50\n[[sensor]]\nname = "s"\nmodel = "hair"\nevery = 10\n'
+                         '[[motion]]\ndo = "hold"\nfor_s = 20\n')
+        self.run_device(BIN / "tactilectl", "simulate", "--scene", scene, "--pty", self.path, "--sequence", "--time", "--crc16")
+        self.check_answers(0.2)
+
+    def test_other_formats_do_not_answer(self):
+        table = self.folder / "table.csv"
+        table.write_text("t_s,a\n" + "".join(f"{0.2 * i},{i % 7}\n" for i in range(100)))
+        self.run_device(BIN / "tactilectl", "play", "--in", table, "--pty", self.path, "--format", "cobs")
+        os.write(self.port, b"?1\n")
+        self.assertNotIn("!", "".join(text for _, text in self.lines_for(0.5)))
+
+    def test_the_emulated_arduino(self):
+        self.run_device("/usr/bin/python3", ROOT / "node/demo/arduino.py")
+        self.check_answers(0.01)
+
+
+if __name__ == "__main__":
+    unittest.main()
