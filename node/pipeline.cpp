@@ -78,7 +78,8 @@ void Pipeline::publish(std::uint32_t sensor, const tactiled_sample& sample) noex
 
 void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
     for (const auto& link : links_)
-        for (const auto& binding : link->bindings) segment_.set_freshness(binding.sensor, link->age.proof(binding.device));
+        for (const auto& binding : link->bindings)
+            segment_.set_age(binding.sensor, link->age.proof(binding.device), link->age.bound_ns(binding.device));
     record_.publish(now_ns, commands.tares(), grasping_->state(), grasping_->tool());
 }
 

@@ -39,7 +39,7 @@ import sys
 import time
 import warnings
 
-MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 7
+MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 8
 MAX_SENSORS = MAX_LINKS = 16
 NAME_SIZE = 32  # including the terminating zero
 
@@ -54,6 +54,7 @@ REASON_WORDS = (  # from bit 0 on, as tactilectl prints them
     "frozen", "stepped", "idle-bus", "wrong-rate", "drifted", "sensors-differ", "unproved-age", "arrival-only",
     "zero-unknown")
 FRESHNESS = ("unknown", "request", "cable", "clock", "sequence", "arrival")  # words for Info.freshness
+AGE_UNBOUNDED = 0xFFFFFFFF  # Info.age_bound_us: that or more, or not known
 
 CONTACT, OVERLOAD, LOW_PASS, STEPPED_DOWN, OVER_BUDGET = 1, 2, 4, 8, 16  # Sample.state
 
@@ -118,7 +119,8 @@ _HEADER = _Struct(
     "calibration_id:I node:5I lateness_offset:I -:84x state:I reloads:I -:120x")
 _SENSOR = _Struct(
     "name:32s model:32s method:32s serial:32s link:32s ring:5I stale_ms:I n_channels:I components:I full_scale:6f "
-    "budget_us:f first_method:I methods:128s method_us:8f method_error:8f count:32I freshness:I")
+    "budget_us:f first_method:I methods:128s method_us:8f method_error:8f count:32I freshness:I "
+    "age_bound_us:I")
 _SENSOR_SIZE_1_0, _SENSOR_SIZE_1_3 = 216, 544
 _SAMPLE = _Struct(
     "sequence:Q t_ns:Q t_published_ns:Q epoch:I quality:I reasons:I device_sequence:I missing:I saturated:I "
@@ -409,7 +411,8 @@ class _Segment:
         at = h.sensor_offset + i * h.sensor_size
         entry = self.read(at, min(h.sensor_size, _SENSOR.size)).ljust(_SENSOR.size, b"\0")  # the entry of an older
                                                                                             # daemon is shorter
-        return SensorInfo._make(_SENSOR.texts(entry, 0))
+        info = SensorInfo._make(_SENSOR.texts(entry, 0))
+        return info if h.sensor_size >= _SENSOR.size else info._replace(age_bound_us=AGE_UNBOUNDED)
 
     def info(self, sensor):
         """Returns the directory's entry as it is now: the daemon may have reloaded its configuration."""
@@ -533,7 +536,7 @@ class Node(_Attached):
         return self._now().header
 
     def info(self, sensor):
-        """The daemon's data about a sensor: model, serial, stale_ms, full_scale, ..."""
+        """The daemon's data about a sensor: model, serial, stale_ms, full_scale, freshness, age_bound_us, ..."""
         if sensor not in self._now().sensors:
             raise Error(f'node "{self.name}" has no sensor "{sensor}"')
         return self._segment.info(sensor)
@@ -547,7 +550,7 @@ class Node(_Attached):
             return {}
         size = min(h.sensor_size, _SENSOR.size)
         entry = self._segment.read(h.sensor_offset + index * h.sensor_size, size).ljust(_SENSOR.size, b"\0")
-        counts = _SENSOR.values(entry, 0)[-2]
+        counts = _SENSOR.values(entry, 0)[_SENSOR.names.index("count")]
         return {word: count for word, count in zip(REASON_WORDS, counts) if count}
 
     def latest(self, sensor):

@@ -17,6 +17,7 @@
 #include <cassert>
 #include <cerrno>
 #include <climits>
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <optional>
@@ -254,6 +255,7 @@ void SegmentWriter::lay_out(const SegmentPlan& plan, std::uint32_t epoch) {
     for (std::size_t i = 0; i < plan.sensors.size(); ++i) {
         sensors[i] = plan.sensors[i];
         sensors[i].ring = ring(sizeof(tactiled_sample), history_of(plan));
+        sensors[i].age_bound_us = TACTILED_AGE_UNBOUNDED;
     }
     auto* links = reinterpret_cast<tactiled_link*>(base_ + h.link_offset);
     for (std::size_t i = 0; i < plan.links.size(); ++i) {
@@ -299,6 +301,7 @@ void SegmentWriter::set_sensor(std::uint32_t index, const tactiled_sensor& entry
     wanted.ring = live.ring;
     std::copy(std::begin(live.count), std::end(live.count), wanted.count);
     wanted.freshness = live.freshness;
+    wanted.age_bound_us = live.age_bound_us;
     static_assert(sizeof wanted % 4 == 0 && alignof(tactiled_sensor) % 4 == 0);
     for (std::size_t at = 0; at < sizeof wanted; at += 4) {  // unchanged bytes are not written
         std::uint32_t word = 0;
@@ -329,9 +332,13 @@ void SegmentWriter::count_reasons(std::uint32_t index, std::uint32_t reasons) no
     }
 }
 
-void SegmentWriter::set_freshness(std::uint32_t index, std::uint32_t freshness) noexcept {
+void SegmentWriter::set_age(std::uint32_t index, std::uint32_t freshness, double bound_ns) noexcept {
     auto& sensor = reinterpret_cast<tactiled_sensor*>(base_ + header().sensor_offset)[index];
+    const double bound_us = std::ceil(bound_ns / 1000);
+    const bool is_bounded = freshness != TACTILED_FRESHNESS_UNKNOWN && bound_us < double(TACTILED_AGE_UNBOUNDED);
     __atomic_store_n(&sensor.freshness, freshness, __ATOMIC_RELAXED);
+    __atomic_store_n(&sensor.age_bound_us, is_bounded ? std::uint32_t(std::max(bound_us, 0.0)) : TACTILED_AGE_UNBOUNDED,
+                     __ATOMIC_RELAXED);
 }
 
 void SegmentWriter::withdraw_control() noexcept {

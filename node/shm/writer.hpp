@@ -67,8 +67,9 @@ public:
     // Counts the reasons of one sample of sensor `index`. From the thread that publishes it. rt: bounded by the
     // reasons
     void count_reasons(std::uint32_t index, std::uint32_t reasons) noexcept;
-    // Sets how the age of the sensor's samples is proved. From the thread that publishes them. rt: wait-free
-    void set_freshness(std::uint32_t index, std::uint32_t freshness) noexcept;
+    // Sets how the age of the sensor's samples is proved, and the bound of the age. From the thread that publishes the
+    // samples. rt: wait-free
+    void set_age(std::uint32_t index, std::uint32_t freshness, double bound_ns) noexcept;
     // Removes the path of the control socket from the header, because another program may use that path. rt: wait-free
     void withdraw_control() noexcept;
     // Set a link's state and counters. Each word has one writer. rt: wait-free

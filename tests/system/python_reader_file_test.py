@@ -117,6 +117,19 @@ class AFile(unittest.TestCase):
                     if name not in ("t_ns", "t_published_ns"):
                         self.assertTrue(same_bits(value, getattr(sample, name)), name)
 
+    def test_of_version_1_7_is_read_and_its_ages_have_no_bound(self):
+        with a_copy(self.data) as copy:
+            copy.make_fresh()
+            copy.put("sensor", "age_bound_us", 12_346, at=copy.sensor_at())
+            with tactiled.open(copy.write()) as node:
+                self.assertEqual(node.info("left").age_bound_us, 12_346)
+            copy.put("header", "minor", 7)
+            copy.put("header", "n_sensors", 1)
+            copy.put("header", "sensor_size", LAYOUT.offset("sensor", "age_bound_us"))
+            with tactiled.open(copy.write()) as node:
+                info = node.info("left")
+                self.assertEqual((tactiled.FRESHNESS[info.freshness], info.age_bound_us), ("cable", tactiled.AGE_UNBOUNDED))
+
     def test_of_version_1_0_is_read_and_its_sensors_have_no_methods(self):
         with a_copy(self.data) as copy:
             copy.make_fresh()

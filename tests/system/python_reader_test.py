@@ -46,7 +46,7 @@ class TheTables(unittest.TestCase):
             self.assertGreater(len(LAYOUT.enums[enum]), 2)
             for name, value in LAYOUT.enums[enum].items():
                 self.assertEqual(getattr(tactiled, name), value, name)
-        for name in ("BYTE_ORDER", "MAJOR", "MINOR", "MAX_SENSORS", "MAX_LINKS"):
+        for name in ("BYTE_ORDER", "MAJOR", "MINOR", "MAX_SENSORS", "MAX_LINKS", "AGE_UNBOUNDED"):
             self.assertEqual(getattr(tactiled, name), LAYOUT.numbers[name], name)
         self.assertEqual(tactiled._RECORD_OFFSET, LAYOUT.numbers["RECORD_OFFSET"])
 

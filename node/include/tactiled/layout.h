@@ -1,5 +1,5 @@
 /* Defines the shared-memory segment of tactiled, the file tactiled.NAME in the daemon's run-time folder
- * (folder.h), for C11 and C++17. Version 1.7.
+ * (folder.h), for C11 and C++17. Version 1.8.
  *
  * The file has one header, a directory of sensors, a directory of links, one ring of node records, and one ring
  * of samples for each sensor. Only the daemon writes the file. Readers map it read-only, do not register, and
@@ -36,7 +36,7 @@ extern "C" {
 #define TACTILED_MAGIC "TACTILED" /* 8 bytes, no terminator */
 #define TACTILED_BYTE_ORDER 0x01020304u
 #define TACTILED_MAJOR 1
-#define TACTILED_MINOR 7
+#define TACTILED_MINOR 8
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
 #define TACTILED_MAX_CHANNELS 32 /* in a frame */
@@ -515,10 +515,14 @@ struct tactiled_sensor {
     uint32_t count[32]; /* samples with reason bit n since the start, wrapping; changes */
     /* Since 1.5, so an entry of TACTILED_SENSOR_SIZE_1_3 bytes lacks this field: call tactiled_freshness_of(). */
     uint32_t freshness; /* enum tactiled_freshness; changes */
+    /* Since 1.8, so an entry of TACTILED_SENSOR_SIZE_1_5 bytes lacks this field: call tactiled_age_bound_us_of(). */
+    uint32_t age_bound_us; /* largest possible age of the newest frame when it was read from the kernel; changes */
 };
 #define TACTILED_SENSOR_SIZE_1_0 216u
 #define TACTILED_SENSOR_SIZE_1_1 416u
 #define TACTILED_SENSOR_SIZE_1_3 544u
+#define TACTILED_SENSOR_SIZE_1_5 548u
+#define TACTILED_AGE_UNBOUNDED 0xFFFFFFFFu /* tactiled_sensor.age_bound_us: that or more, or not known */
 
 /* Counters of a link, 32 bits each, wrapping: index of tactiled_link.count. */
 enum tactiled_link_count {
@@ -634,7 +638,7 @@ TACTILED_ASSERT(sizeof(struct tactiled_sample) == 240);
 TACTILED_ASSERT(sizeof(struct tactiled_grasp) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_tool) == 976);
 TACTILED_ASSERT(sizeof(struct tactiled_node) == 1440);
-TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 548);
+TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 552);
 TACTILED_ASSERT(sizeof(struct tactiled_link) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_frame) == 296);
 TACTILED_ASSERT(sizeof(struct tactiled_header) == 512);

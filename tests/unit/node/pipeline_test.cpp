@@ -85,6 +85,29 @@ TEST_F(PipelineTest, ALinkWhoseAgeIsNotProvedIsOpenedAgainOnceAndThenLessOften) 
     EXPECT_TRUE(stays_open);
 }
 
+TEST_F(PipelineTest, PublishesTheBoundOfTheAgeWithItsProof) {
+    links_[0]->age.add(0, 100'000'000);
+    driver_[0]->way = {.path = Route::Path::network, .device_clock = true};
+    const Segment segment = Segment::open(plan_.name);
+    const auto bound_us = [&](std::uint32_t sensor) { return tactiled_age_bound_us_of(segment.c(), sensor); };
+    const auto arrive = [&](int frames, std::uint64_t delay_ms) {
+        for (int i = 0; i < frames; ++i) {
+            send(0, i);
+            driver_[0]->frames.back().device_time_us = 1'000'000'000 + now_ / 1000 - 1000 * delay_ms;
+            acquire_all(0);
+            turn(10);
+        }
+    };
+    EXPECT_EQ(bound_us(0), TACTILED_AGE_UNBOUNDED) << "no frame yet";
+    arrive(100, 0);
+    EXPECT_EQ(tactiled_freshness_of(segment.c(), 0), unsigned(TACTILED_BY_CLOCK));
+    EXPECT_LT(bound_us(0), 15'000u);
+    arrive(1, 20);
+    EXPECT_GE(bound_us(0), 20'000u);
+    EXPECT_EQ(bound_us(0), std::uint32_t(std::ceil(links_[0]->age.bound_ns(0) / 1000)));
+    EXPECT_EQ(bound_us(1), TACTILED_AGE_UNBOUNDED);
+}
+
 TEST_F(PipelineTest, CountsFramesOfADeviceThatNobodyReads) {
     send(0, 1, 9);
     acquire_all(0);

@@ -121,7 +121,7 @@ TEST_F(SegmentTest, AReaderRefusesWhatItCannotRead) {
             file.seekp(long(offset)).write(reinterpret_cast<const char*>(&before), long(size)).flush();
             return text;
         };
-        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.7, this reader knows 1.7"),
+        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.8, this reader knows 1.8"),
                   std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, byte_order), 0x04030201, 4).find("byte order"), std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, total_size), 1u << 30, 4).find("truncated"), std::string::npos);
@@ -228,7 +228,38 @@ TEST_F(SegmentTest, AnotherMinorVersionIsReadAndAnotherMajorRefused) {
     patch(offsetof(tactiled_header, major), std::uint16_t(2));
     std::string why;
     EXPECT_FALSE(Segment::try_open(name_, why).is_open());
-    EXPECT_NE(why.find("version 2.7, this reader knows 1.7"), std::string::npos) << why;
+    EXPECT_NE(why.find("version 2.7, this reader knows 1.8"), std::string::npos) << why;
+}
+
+TEST_F(SegmentTest, TheBoundOfAnAgeIsRoundedUpSaturatesAndIsNotKnownFromAnOlderDaemon) {
+    SegmentWriter writer(plan(2));
+    writer.set_state(TACTILED_RUNNING);
+    const Segment segment = Segment::open(name_);
+    EXPECT_EQ(tactiled_age_bound_us_of(segment.c(), 1), TACTILED_AGE_UNBOUNDED) << "no frame yet";
+    const auto published = [&](double bound_ns, std::uint32_t freshness = TACTILED_BY_CLOCK) {
+        writer.set_age(1, freshness, bound_ns);
+        return tactiled_age_bound_us_of(segment.c(), 1);
+    };
+    EXPECT_EQ(published(12'345'001), 12'346u);
+    EXPECT_EQ(published(0), 0u);
+    EXPECT_EQ(published(4294967293001.0), TACTILED_AGE_UNBOUNDED - 1);
+    EXPECT_EQ(published(1e300), TACTILED_AGE_UNBOUNDED);
+    EXPECT_EQ(published(std::nan("")), TACTILED_AGE_UNBOUNDED);
+    EXPECT_EQ(published(5e6, TACTILED_FRESHNESS_UNKNOWN), TACTILED_AGE_UNBOUNDED);
+    EXPECT_EQ(published(5e6), 5'000u);
+    EXPECT_EQ(tactiled_age_bound_us_of(segment.c(), 0), TACTILED_AGE_UNBOUNDED) << "another sensor";
+    writer.begin_reload();
+    writer.set_sensor(1, plan(2).sensors[1]);
+    writer.end_reload(1);
+    EXPECT_EQ(tactiled_age_bound_us_of(segment.c(), 1), 5'000u) << "a reload changes no age";
+    writer.set_age(0, TACTILED_BY_CABLE, 5e6);
+    const std::uint32_t older[] = {1, segment.header().sensor_offset, TACTILED_SENSOR_SIZE_1_5};
+    const int fd = ::open(path_.c_str(), O_RDWR);
+    ASSERT_EQ(::pwrite(fd, older, sizeof older, offsetof(tactiled_header, n_sensors)), ssize_t(sizeof older));
+    ::close(fd);
+    const Segment old = Segment::open(name_);
+    EXPECT_EQ(tactiled_freshness_of(old.c(), 0), unsigned(TACTILED_BY_CABLE));
+    EXPECT_EQ(tactiled_age_bound_us_of(old.c(), 0), TACTILED_AGE_UNBOUNDED);
 }
 
 TEST_F(SegmentTest, AFileThatOthersMayWriteIsNoDaemons) {
