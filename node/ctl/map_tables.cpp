@@ -90,7 +90,8 @@ constexpr const char* kRules[] = {
 std::string title_of(const Area& area) {
     std::string title = fmt::format("{} .. {}: {}", area.at, area.at + area.size - 1, area.title);
     if (area.repeats != 0)
-        title += fmt::format(": {} + {} n, n = 0 .. {}", area.at, area.repeats, area.size / area.repeats - 1);
+        title += fmt::format(": {} + {}n, n = 0 .. {}", area.at, area.repeats == 1 ? "" : fmt::format("{} ", area.repeats),
+                             area.size / area.repeats - 1);
     return title;
 }
 

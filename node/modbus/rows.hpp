@@ -77,6 +77,7 @@ std::span<const Register> doubt_rows();
 std::span<const Register> float_rows();
 std::span<const Register> sensor_rows();
 std::span<const Register> sensor_float_rows();
+std::span<const Register> age_bound_rows();
 std::span<const Register> tool_rows();
 std::span<const Register> tool_float_rows();
 std::span<const Register> control_rows();

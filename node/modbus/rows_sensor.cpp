@@ -1,4 +1,5 @@
-// The registers of one sensor, and of the wrench on the gripper, which is the sum of all sensors or the part of one.
+// The registers of one sensor, the bound of its age, and the wrench on the gripper, which is the sum of all sensors or the
+// part of one.
 #include <cmath>
 
 #include "node/modbus/rows.hpp"
@@ -110,6 +111,18 @@ constexpr Register kSensorFloats[] = {
     {24, "SEQ_END", count, kNoUnit, "= SEQ", sequence},
 };
 
+// Rounded up, so that the register is a bound, too.
+double age_bound_ms(S s) noexcept {
+    return s.exists() ? std::ceil(tactiled_age_bound_us_of(s.view.segment->c(), s.sensor) / 1e3) : kNaN;
+}
+
+constexpr Register kAgeBounds[] = {
+    {0, "AGE_BOUND", u16, kMilliseconds,
+     "largest possible age of the newest frame of sensor n when it was read, with the delay of its path; 65534 = that or "
+     "more, or no frame yet",
+     age_bound_ms},
+};
+
 // ---- the wrench on the gripper ---------------------------------------------------------------------------------------
 
 // All NaN where there is no value.
@@ -195,6 +208,7 @@ constexpr Register kToolFloats[] = {
 
 std::span<const Register> sensor_rows() { return kSensor; }
 std::span<const Register> sensor_float_rows() { return kSensorFloats; }
+std::span<const Register> age_bound_rows() { return kAgeBounds; }
 std::span<const Register> tool_rows() { return kTool; }
 std::span<const Register> tool_float_rows() { return kToolFloats; }
 

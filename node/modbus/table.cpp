@@ -72,6 +72,7 @@ std::span<const Area> areas() {
         {kScratchAt, kScratchSize, Block::scratch, 0, false, "Scratch: free registers, to try a client", "scratch", {}},
         {kConstantsAt, kConstantsSize, Block::constants, 0, false, "Constants, to check base, sign and word order",
          "constant", kConstant},
+        {kAgeBoundsAt, kSensorBlocks, Block::age_bounds, 1, false, "Bound of the age, by sensor", "age", age_bound_rows()},
     };
     return all;
 }

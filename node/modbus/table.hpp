@@ -8,7 +8,7 @@
 
 namespace tactiled::modbus {
 
-inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 6;
+inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 7;
 
 // "Not available" as in SunSpec; a measured value saturates one step before.
 inline constexpr std::uint16_t kNoI16 = 0x8000, kNoU16 = 0xFFFF;
@@ -57,7 +57,8 @@ inline constexpr std::uint16_t kToolFloatsAt = 2030, kToolFloatSize = 28, kToolS
 inline constexpr std::uint16_t kSwapped = 1000;  // from a float register to its copy with the low word first
 inline constexpr std::uint16_t kControlsAt = 5000, kControlsSize = 100, kScratchAt = 5100, kScratchSize = 128;
 inline constexpr std::uint16_t kConstantsAt = 9000, kConstantsSize = 12;
-inline constexpr std::uint16_t kMapEnd = kConstantsAt + kConstantsSize;
+inline constexpr std::uint16_t kAgeBoundsAt = 9100;
+inline constexpr std::uint16_t kMapEnd = kAgeBoundsAt + kSensorBlocks;
 
 inline constexpr std::uint16_t kUnlockWord = 0x5AFE, kSaveWord = 0x7361;
 inline constexpr std::uint16_t kAsConfigured = 0xFFFF;  // a setting with this value uses the configuration
@@ -122,7 +123,8 @@ enum class Block {
     tool_sensors,
     controls,
     scratch,
-    constants
+    constants,
+    age_bounds
 };
 
 // A run of addresses that is readable as a whole; cells without an entry read 0.

@@ -17,7 +17,7 @@ from same.numbers import ROOT, Calibrations, ctl
 from same.outcome import compare_csv
 
 # Registers with times, ages and counts of frames: two runs of one build differ in them.
-TIMES = {"SEQ": "number of the frame", "SEQ_END": "number of the frame", "HEARTBEAT": "counts 100 ms", "AGE_MS": "age", "TIME": "clock",
+TIMES = {"SEQ": "number of the frame", "SEQ_END": "number of the frame", "HEARTBEAT": "counts 100 ms", "AGE_MS": "age", "AGE_BOUND": "age", "TIME": "clock",
          "CYCLE_WORST": "a duration", "SINCE_LIFT": "a duration", "RATE": "measured", "BLINK": "from HEARTBEAT",
          "LOST": "frames that a loaded machine lost", "WARN": "late cycles of a loaded machine", "PEAK": "may have begun before the first frame"}
 REST_s = 0.5  # a value that is constant for so long is not between two loads

@@ -46,7 +46,7 @@ READS = table([
           ("in the longest frame there is", read(fc, 0, 1) + bytes(248), 3))),
     *((f"FC {fc} {what} of {first}..{last}", read(fc, at, count), expected(fc), mb(section))
       for fc, section in ((3, "6.3"), (4, "6.4"))
-      for first, last in ((0, 31), (100, 499), (2000, 2025), (2100, 2947), (3000, 3025), (3100, 3947), (9000, 9011))
+      for first, last in ((0, 31), (100, 499), (2000, 2025), (2100, 2947), (3000, 3025), (3100, 3947), (9000, 9011), (9100, 9115))
       for what, at, count, expected in (
           ("at the end", last, 1, lambda fc: some(fc, 2)),
           ("beyond the end", last + 1, 1, lambda _: 2),

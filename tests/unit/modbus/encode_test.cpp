@@ -52,6 +52,9 @@ TEST(RegisterMap, AreasHoldWholeRequestsOnly) {
     EXPECT_NE(area_of(499, 1), nullptr);
     EXPECT_EQ(area_of(500, 1), nullptr);
     EXPECT_NE(area_of(9011, 1), nullptr);
+    EXPECT_EQ(area_of(9099, 1), nullptr);
+    EXPECT_NE(area_of(9100, 16), nullptr);
+    EXPECT_EQ(area_of(9116, 1), nullptr);
     EXPECT_EQ(area_of(65535, 125), nullptr);  // does not wrap
     EXPECT_NE(area_of(2100, 125), nullptr);
     EXPECT_EQ(area_of(2026, 1), nullptr);
@@ -196,6 +199,22 @@ TEST_F(LiveRegisters, ADeadLoopShowsNothingOfWhatItsSensorsDid) {
     EXPECT_EQ(global()[kStatus] & TACTILED_ANY_TARING, 0);
     EXPECT_EQ(global()[kOverload], 0);
     EXPECT_EQ(global()[kCycleWorst], kNoU16);
+}
+
+TEST_F(LiveRegisters, TheBoundOfAnAgeIsRoundedUpToMilliseconds) {
+    const auto bound = [&](const View& view, unsigned sensor) {
+        std::uint16_t out = 0;
+        encode(area_with(Block::age_bounds), {&out, 1}, view, sensor);
+        return out;
+    };
+    publish(good());
+    EXPECT_EQ(bound(view_of(segment_), 0), 65534) << "no frame yet";
+    for (const auto& [bound_ns, ms] : {std::pair{12.0e6, 12}, {12.1e6, 13}, {0.0, 0}, {65'533.5e6, 65534}, {1e15, 65534}}) {
+        writer_.set_age(0, TACTILED_BY_CLOCK, bound_ns);
+        EXPECT_EQ(bound(view_of(segment_), 0), ms) << bound_ns;
+    }
+    EXPECT_EQ(bound(view_of(segment_), 1), kNoU16) << "no such sensor";
+    EXPECT_EQ(bound(view_of_nothing(), 0), kNoU16);
 }
 
 TEST_F(LiveRegisters, ASampleWithoutAValueIsNotZeroNewton) {
