@@ -3,6 +3,7 @@
 #include <fmt/ranges.h>
 
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -37,6 +38,12 @@ constexpr const char* kFreshness[] = {"unknown", "request", "cable", "clock", "s
 const char* freshness_of(const Segment& segment, std::uint32_t i) {
     const std::uint32_t freshness = tactiled_freshness_of(segment.c(), i);
     return freshness < std::size(kFreshness) ? kFreshness[freshness] : "unknown";
+}
+
+std::string age_line(const Segment& segment, std::uint32_t i) {
+    const double bound_ms = age_bound_ms(segment, i);
+    return fmt::format("age of {}: proved by {}{}\n", segment.sensor(i).name, freshness_of(segment, i),
+                       std::isfinite(bound_ms) ? fmt::format(", at most {:.1f} ms when read", bound_ms) : "");
 }
 
 // Returns the number of samples with each reason since the start.
@@ -106,8 +113,7 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
             out += refused;
         else
             out += remedy_lines(segment.sensor(i).name, snapshot.sensor[i].reasons);
-    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
-        out += fmt::format("age of {}: proved by {}\n", segment.sensor(i).name, freshness_of(segment, i));
+    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += age_line(segment, i);
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += auto_lines(segment, i, snapshot.sensor[i]);
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += reason_line(segment, i);
     for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
@@ -147,6 +153,11 @@ int status(const Args& args) {
 
 double age_ms(const tactiled_sample& s, std::uint64_t now_ns) {
     return now_ns > s.t_ns ? double(now_ns - s.t_ns) / 1e6 : 0.0;
+}
+
+double age_bound_ms(const Segment& segment, std::uint32_t i) {
+    const std::uint32_t bound_us = tactiled_age_bound_us_of(segment.c(), i);
+    return bound_us == TACTILED_AGE_UNBOUNDED ? std::numeric_limits<double>::quiet_NaN() : bound_us / 1e3;
 }
 
 const char* link_word(const tactiled_link& link, const Liveness& liveness) {
@@ -201,6 +212,7 @@ nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot) {
                               {"quality", quality_text(s.quality, s.reasons)},
                               {"age_ms", age_ms(s, snapshot.taken_ns)},
                               {"freshness", freshness_of(segment, i)},
+                              {"age_bound_ms", json_number(age_bound_ms(segment, i))},
                               {"rate_Hz", json_number(double(s.rate_Hz))},
                               {"lost", s.lost},
                               {"tare_count", s.tare_count}};

@@ -1,4 +1,4 @@
-// Shared by status and top.
+// Shared by status, top and the web page.
 #pragma once
 #include <nlohmann/json.hpp>
 
@@ -13,6 +13,8 @@ inline constexpr const char* kLinkCountNames[TACTILED_LINK_COUNTS] = {
     "ring_full", "unbound", "opened",        "open_failed",  "gone",       "overrun",   "bus_error", "restarted"};
 
 double age_ms(const tactiled_sample& s, std::uint64_t now_ns);
+// Returns the largest possible age of the newest frame of sensor `i` when it was read, in ms; NaN if it is not known.
+double age_bound_ms(const Segment& segment, std::uint32_t i);
 // Returns "open", "closed", or "not read" if no daemon runs.
 const char* link_word(const tactiled_link& link, const Liveness& liveness);
 // Returns the remedies for those of the reasons that a new user meets first, one line each, after the sensor's name.

@@ -69,13 +69,16 @@ private:
     std::string& out_;
 };
 
-void put_sensor(Text& text, const tactiled_sample& s, const Interval& interval, std::uint64_t now_ns) {
+void put_sensor(Text& text, const View& view, std::uint32_t i) {
+    const tactiled_sample& s = view.snapshot.sensor[i];
+    const Interval& interval = view.interval[i];
     text.raw("{").whole("quality", s.quality).whole("reasons", s.reasons);
     text.whole("worst", interval.quality).whole("all_reasons", interval.reasons);
     text.list<double>("force_N", s.force_S_N).list<double>("torque_Nm", s.torque_S_Nm);
     text.list<double>("sd_force_N", s.sd_force_N).list<double>("sd_torque_Nm", s.sd_torque_Nm);
     text.list<float>("low", interval.low).list<float>("high", interval.high);
-    text.number("age_ms", ctl::age_ms(s, now_ns)).number("rate_Hz", double(s.rate_Hz));
+    text.number("age_ms", ctl::age_ms(s, view.taken_ns)).number("age_bound_ms", ctl::age_bound_ms(*view.segment, i));
+    text.number("rate_Hz", double(s.rate_Hz));
     text.whole("lost", s.lost).whole("tares", s.tare_count).whole("state", s.state);
     text.number("peak_N", double(s.peak_N)).number("temperature_C", double(s.temperature_C));
     text.list<double>("cop_m", s.cop_S_m).number("residual", s.residual).end('}').raw(",");
@@ -175,8 +178,7 @@ std::string frame_message(const View& view, bool links) {
         if (links) put_links(text, *view.segment);
     }
     text.raw("\"sensors\":[");
-    for (std::uint32_t i = 0; i < view.n_sensors(); ++i)
-        put_sensor(text, view.snapshot.sensor[i], view.interval[i], view.taken_ns);
+    for (std::uint32_t i = 0; i < view.n_sensors(); ++i) put_sensor(text, view, i);
     text.end(']').end('}').raw("\n\n");
     return out;
 }

@@ -4,6 +4,7 @@ them back and releases them.
 Each line contains the time of its measurement, so that a reader knows the true age of every GOOD value."""
 import contextlib
 import json
+import math
 import os
 import pathlib
 import pty
@@ -18,6 +19,7 @@ import unittest
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests/system"), str(ROOT / "node/python")]
 import tactiled  # noqa: E402
+from pymodbus.client import ModbusTcpClient  # noqa: E402
 from daemon import Daemon, wait_for  # noqa: E402
 
 STALE_MS, PERIOD_S = 100, 0.01
@@ -177,6 +179,20 @@ class Freshness(unittest.TestCase):
             self.assertNotIn(tactiled.UNCERTAIN, [quality for _, quality, _ in seen])
             status = json.loads(rig.daemon.ctl("status", "--json").stdout)
             self.assertEqual(status["sensors"][0]["freshness"], "clock")
+
+    def test_the_bound_of_the_age_is_the_same_for_all_readers(self):
+        with Rig() as rig:
+            rig.bridge.paused = True  # the bound remains that of the last frame
+            wait_for(lambda: rig.latest().quality == tactiled.BAD, 5, "the end of the frames")
+            time.sleep(0.05)
+            bound_us = rig.node.info("s").age_bound_us
+            self.assertGreater(bound_us, 100)
+            self.assertLess(bound_us, STALE_MS * 1000)
+            status = json.loads(rig.daemon.ctl("status", "--json").stdout)
+            self.assertEqual(status["sensors"][0]["age_bound_ms"], bound_us / 1000)
+            self.assertIn(f"age of s: proved by clock, at most {bound_us / 1000:.1f} ms when read\n", rig.daemon.ctl("status").stdout)
+            with ModbusTcpClient("127.0.0.1", port=rig.daemon.port) as client:
+                self.assertEqual(client.read_input_registers(9100, count=2).registers, [math.ceil(bound_us / 1000), 0xFFFF])
 
     def test_the_same_with_a_counter_is_uncertain_and_is_not_tared(self):
         with Rig(clock=False) as rig:

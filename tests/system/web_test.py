@@ -22,7 +22,7 @@ from pymodbus.client import ModbusTcpClient
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from daemon import ROOT, free_port, wait_for  # noqa: E402
 from hostile_web import KINDS, Hostile, ordinary  # noqa: E402
-from unit_daemon import unit_daemon  # noqa: E402
+from unit_daemon import CONFIG, quality_is, unit_daemon  # noqa: E402
 from mcap_bytes import with_checksums, with_quality  # noqa: E402
 from simulated_node import simulated_node  # noqa: E402
 from web_server import PROGRAM, TOKEN, Stream, Web, WebCase, column  # noqa: E402
@@ -72,6 +72,25 @@ class Values(WebCase):
         self.assertEqual(frame["sensors"][0]["force_N"], force_N)
         self.assertEqual(frame["sensors"][0]["low"][2], -3.01)
         stream.close()
+
+    def test_the_bound_of_the_age_is_that_of_the_status(self):
+        config = CONFIG.replace('path = "direct"', 'path = "network"')
+        with unit_daemon(config=config).start() as daemon, Web(daemon.name) as web:
+            self.addCleanup(shutil.rmtree, daemon.folder)
+            wait_for(quality_is(daemon, "good"), 5, "a good value")
+            time.sleep(0.3)  # the bound grows from the first frame on
+            for player in daemon.others:
+                player.kill()  # the bound remains that of the last frame
+            wait_for(quality_is(daemon, "bad"), 5, "the end of the frames")
+            status = web.status()
+            jsonschema.validate(status, SCHEMA)
+            bound_ms = status["sensors"][0]["age_bound_ms"]
+            self.assertGreater(bound_ms, 0)
+            self.assertEqual(json.loads(daemon.ctl("status", "--json").stdout)["sensors"][0]["age_bound_ms"], bound_ms)
+            self.assertAlmostEqual(of(web.ask("/metrics")[2], "tactiled_sensor_age_bound_seconds", sensor="left"), bound_ms / 1000)
+            stream = Stream(web)
+            self.addCleanup(stream.close)
+            self.assertEqual(stream.until(lambda name, _: name == "frame")["sensors"][0]["age_bound_ms"], bound_ms)
 
     def test_a_killed_daemon_has_no_value_anywhere_and_its_successor_is_found(self):
         web = self.web()

@@ -184,6 +184,7 @@ class Card {
     }
     put(this.facts.rate, number(s && s.rate_Hz, 1, " Hz"));
     put(this.facts.age, number(s && quality !== kBad ? s.age_ms : null, 0, " ms"));
+    put(this.facts.bound, number(s && quality !== kBad ? s.age_bound_ms : null, 1, " ms"));
     put(this.facts.lost, s ? String(s.lost) : "–");
     put(this.facts.peak, number(s && s.peak_N, 2, " N"));
     put(this.facts.tares, s ? String(s.tares) : "–");
