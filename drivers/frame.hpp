@@ -25,8 +25,8 @@ struct Frame {
     // Earliest possible arrival. Of streams: if the process was stopped. Of answers: time of the request plus the duration
     // of both messages, or the time when the chip was ready. 0 = unknown.
     std::uint64_t since_ns = 0;
-    // The device has answered a request of this time (CLOCK_MONOTONIC), and measured this frame later; 0 = no answer has come
-    // since the frame before. answered_us: the device's time in the answer.
+    // The device has answered a request of this time (CLOCK_MONOTONIC), and measured this frame later; 0 = no answer has
+    // come since the frame before. answered_us: the device's time in the answer.
     std::uint64_t asked_ns = 0;
     std::uint32_t answered_us = 0;
     double bound_ns = 0;  // set by wire/stream_age.hpp: the largest possible age when the frame was read

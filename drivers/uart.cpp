@@ -72,6 +72,7 @@ public:
         asked_again_ = streamed_ = false;
         answered_ = {};
         if (!ask_for_stream(!network_)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
+        hung_up_at_open_ = std::exchange(hung_up_, false);
         if (!tty_overruns(fd_, overruns_at_open_)) overruns_at_open_ = 0;
         overruns_before_ = counts[TACTILED_LINK_OVERRUN];
         // Waiting bytes arrived at an unknown time since the link was connected or flushed, because this thread may not have
@@ -106,12 +107,12 @@ public:
             if (ready == 0 && (left_ms -= slice_ms) <= 0) return Status::timeout;
         }
         if (ready < 0 && errno == EINTR) return Status::timeout;
-        if (ready < 0) return Status::disconnected;
+        if (ready < 0) return hang_up();
         const std::uint64_t reads_ns = with_suspend_ns();
         const ssize_t size = ::read(fd_, bytes_.data(), bytes_.size());
         if (size < 0 && errno == EAGAIN) empty_ns_ = reads_ns;
         if (size < 0 && (errno == EINTR || errno == EAGAIN)) return Status::timeout;
-        if (size <= 0) return Status::disconnected;  // 0 on a tty is a hang-up and not an end of file
+        if (size <= 0) return hang_up();  // 0 on a tty is a hang-up and not an end of file
         const std::uint64_t t_ns = now_ns();
         const std::uint64_t waited_ns = with_suspend_ns() - empty_ns_;
         if (waited_ns > cycle_ns + kAwayMs * 1'000'000) return too_old(std::size_t(size));
@@ -153,6 +154,7 @@ public:
                 .device_clock = true,
                 .reopening_discards = network_ && !is_direct_,
                 .clock_ppm = clock_ppm_,
+                .is_new = !network_ && hung_up_at_open_,
                 .is_assumed = declared_path_.empty()};
     }
 
@@ -187,6 +189,11 @@ private:
         *end = '\n';
         echo_ns_ = now;
         (void)tell({reinterpret_cast<const std::uint8_t*>(line.data()), std::size_t(end + 1 - line.data())});
+    }
+
+    Status hang_up() noexcept {
+        hung_up_ = true;
+        return Status::disconnected;
     }
 
     // A device that already streams reacts only to its stop bytes. `stop_first`: a tty, at opening.
@@ -232,6 +239,7 @@ private:
     std::string declared_path_;  // "": as the kernel reports
     double clock_ppm_ = 0;
     bool is_direct_ = false;
+    bool hung_up_ = false, hung_up_at_open_ = false;  // the other end has closed the port
     bool echo_ = false;
     std::uint32_t echo_number_ = 0;  // of the last request: odd, and even once it was answered
     std::uint64_t echo_ns_ = 0;      // its time

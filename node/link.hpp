@@ -70,7 +70,14 @@ struct Link {
 
     // Used by the reader only.
     std::uint64_t read_ns = 0, read_interval_ns = UINT64_MAX;  // end of the last burst, and time between the last two
-    // Used by the reader only, except LinkAge::proof().
+    // The device was opened at `now_ns`, and no frame has been read since. rt: wait-free
+    void opened(std::uint64_t now_ns) noexcept {
+        ++driver->counts[TACTILED_LINK_OPENED];
+        if (!std::exchange(is_proving, false)) ++stream;
+        age.opened(now_ns);
+    }
+
+    // Used by the reader only, except LinkAge::proof() and bound_ns().
     LinkAge age;
     bool is_proving = false;   // the link was closed only to prove the age of its frames
     std::uint32_t stream = 0;  // number of the stream: the openings, except those that prove the age

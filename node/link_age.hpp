@@ -1,5 +1,5 @@
-// Bounds the age of the frames of one link, separately for each device (drivers/wire/stream_age.hpp), and asks for an opening
-// of the link where that proves the age.
+// Bounds the age of the frames of one link, separately for each device (drivers/wire/stream_age.hpp), and asks for an
+// opening of the link where that proves the age.
 #pragma once
 #include <algorithm>
 #include <atomic>
@@ -35,9 +35,16 @@ public:
             if (each->number != frame.device) continue;
             const std::uint64_t taken_ns = std::max(frame.taken_ns, frame.t_ns);
             const bool by_host = each->age.uses_host_time(frame);
-            each->age.judge(frame, by_host ? host_ns(taken_ns) : taken_ns, frame.asked_ns == 0 ? 0 : host_ns(frame.asked_ns));
+            each->age.judge(frame, by_host ? host_ns(taken_ns) : taken_ns,
+                            frame.asked_ns == 0 ? 0 : host_ns(frame.asked_ns));
             each->proof.store(std::uint32_t(each->age.proof()), std::memory_order_relaxed);
             each->bound_ns.store(frame.bound_ns, std::memory_order_relaxed);
+            if (each->age.trouble_ns() != 0) {
+                each->rate_error.store(each->age.rate_of_arrivals(), std::memory_order_relaxed);
+                each->clock_ppm.store(each->age.route().clock_ppm, std::memory_order_relaxed);
+                each->may_open.store(each->age.route().reopening_discards, std::memory_order_relaxed);
+            }
+            each->trouble_ns.store(each->age.trouble_ns(), std::memory_order_release);
             return;  // two sensors of one device share one state
         }
     }
@@ -80,6 +87,26 @@ public:
         return 0;
     }
 
+    // The longest doubt of a device's age: the bound is above stale_ms. rt: wait-free; from any thread
+    struct Trouble {
+        std::uint64_t lasts_ns = 0;
+        double rate_error = 0;  // error of the device's clock as its frames arrive; > 0: slow
+        double clock_ppm = 0;
+        bool may_open = false;  // an opening may prove the age
+    };
+    [[nodiscard]] Trouble trouble() const noexcept {
+        Trouble longest;
+        for (const auto& each : devices_) {
+            const std::uint64_t since_ns = each->trouble_ns.load(std::memory_order_acquire);
+            if (since_ns == 0) continue;
+            const std::uint64_t now = host_ns(now_ns()), lasts_ns = now - std::min(since_ns, now) + 1;
+            if (lasts_ns > longest.lasts_ns)
+                longest = {lasts_ns, each->rate_error.load(std::memory_order_relaxed),
+                           each->clock_ppm.load(std::memory_order_relaxed), each->may_open.load(std::memory_order_relaxed)};
+        }
+        return longest;
+    }
+
 private:
     static constexpr std::uint64_t kMinPause_ns = 1'000'000'000, kMaxPause_ns = 60'000'000'000;
 
@@ -89,11 +116,14 @@ private:
         StreamAge age;
         std::atomic<std::uint32_t> proof{0};  // these are written by the link's thread, and read by the pipeline
         std::atomic<double> bound_ns{0};
+        std::atomic<std::uint64_t> trouble_ns{0};
+        std::atomic<double> rate_error{0}, clock_ppm{0};
+        std::atomic<bool> may_open{false};
     };
     std::vector<std::unique_ptr<Device>> devices_;
     std::uint32_t opened_ = ~0u;
-    std::uint64_t opened_ns_ = 0;                            // host time of the opening; 0: unknown
-    std::uint64_t asked_ns_ = 0, pause_ns_ = kMinPause_ns;   // last request, and the time until the next one
+    std::uint64_t opened_ns_ = 0;                           // host time of the opening; 0: unknown
+    std::uint64_t asked_ns_ = 0, pause_ns_ = kMinPause_ns;  // last request, and the time until the next one
 };
 
 }  // namespace tactiled

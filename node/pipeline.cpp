@@ -80,7 +80,10 @@ void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
     for (const auto& link : links_)
         for (const auto& binding : link->bindings)
             segment_.set_age(binding.sensor, link->age.proof(binding.device), link->age.bound_ns(binding.device));
-    record_.publish(now_ns, commands.tares(), grasping_->state(), grasping_->tool());
+    const tactiled_grasp grasp = grasping_->state();
+    const bool is_busy = grasp.state >= TACTILED_GRIP_CONTACT && grasp.state <= TACTILED_GRIP_SLIPPING;
+    for (const auto& link : links_) link->is_busy.store(is_busy, std::memory_order_relaxed);
+    record_.publish(now_ns, commands.tares(), grasp, grasping_->tool());
 }
 
 // ---- the loop ----------------------------------------------------------------------------------------------------------

@@ -20,7 +20,8 @@ Status read_link(Link& link, SegmentWriter& segment, Pipeline& pipeline, int tim
     return status;
 }
 
-bool SharedLinks::share(Link& link, Progress::Liveness& cycles, const std::atomic<bool>& stop) noexcept {
+bool SharedLinks::share(Link& link, Progress::Liveness& cycles, const std::atomic<bool>& stop,
+                        const std::function<void()>& look) noexcept {
     link.lending.lend();
     for (;;) {
         const std::uint32_t seen = link.lending.returned().value();
@@ -29,6 +30,7 @@ bool SharedLinks::share(Link& link, Progress::Liveness& cycles, const std::atomi
         const bool ends = stop.load(std::memory_order_acquire) || !active_.load(std::memory_order_relaxed);
         if (ends && link.lending.take_back()) return true;
         cycles.count();
+        look();
         (void)link.lending.returned().sleep(seen, monotonic_ns() + kLookForStopNs);
     }
 }

@@ -4,6 +4,7 @@
 #pragma once
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -33,7 +34,8 @@ public:
     }
     // Lends the link to the shared thread, until that thread returns the link or `stop` is set. Returns false if the device
     // has disconnected. Called by the link's own thread, which counts its liveness meanwhile. rt: blocks
-    [[nodiscard]] bool share(Link& link, Progress::Liveness& cycles, const std::atomic<bool>& stop) noexcept;
+    [[nodiscard]] bool share(Link& link, Progress::Liveness& cycles, const std::atomic<bool>& stop,
+                             const std::function<void()>& look) noexcept;
 
     // Runs the shared thread: measures the rate of reads and reads the lent links, until `stop` is set and wake() is called.
     void run(Progress::Liveness& cycles, const std::atomic<bool>& stop) noexcept;

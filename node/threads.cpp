@@ -4,6 +4,7 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "node/log.hpp"
 #include "tactiled/reader.hpp"
@@ -50,6 +51,32 @@ private:
     std::size_t logged_ = 0;  // hash of the text; 0: none
     std::uint64_t logged_ns_ = 0;
     unsigned times_ = 0;
+};
+
+// Logs a doubt about the age of a link's frames that has lasted for kDoubtNs, with its cause and what ends it.
+class Doubt {
+public:
+    void look(const Link& link) noexcept {
+        const LinkAge::Trouble trouble = link.age.trouble();
+        if (trouble.lasts_ns == 0 && said_)
+            log_line(LogLevel::info, "link \"{}\": the age of its frames is proved", link.name);
+        said_ = said_ && trouble.lasts_ns != 0;
+        if (said_ || trouble.lasts_ns < kDoubtNs) return;
+        said_ = true;
+        const double share = std::abs(trouble.rate_error);
+        const std::string rate =
+            share * 1e6 > trouble.clock_ppm && share < 0.02
+                ? fmt::format("; the device's clock is {:.2f} % {}: write clock_ppm = {:.0f}", 100 * share,
+                              trouble.rate_error > 0 ? "slow" : "fast", std::ceil(share * 1200) * 1000)
+                : "";
+        log_line(LogLevel::warning,
+                 "link \"{}\": no frame has proved its age for {} s{}; let the device answer echo = true{}", link.name,
+                 kDoubtNs / 1'000'000'000, rate, trouble.may_open ? "" : ", or write path = \"direct\" if this is a cable");
+    }
+
+private:
+    static constexpr std::uint64_t kDoubtNs = 5'000'000'000;
+    bool said_ = false;
 };
 
 // Pauses the thread of a device that always has more data. Without a pause other links would starve, and systemd's
@@ -149,10 +176,12 @@ void Threads::end_stream(Link& link) noexcept {
     segment_.set_link_state(link.index, TACTILED_LINK_CLOSED);
     if (!link.connected.exchange(false, std::memory_order_release)) return;
     pipeline_.serve();
+    segment_.set_link_count(link.index, TACTILED_LINK_GONE, ++link.driver->counts[TACTILED_LINK_GONE]);
 }
 
 void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
     Breather breather;
+    Doubt doubt;
     Complaint refused, disconnected;  // separate, because a device may be refused and disconnected alternately
     int pause_ms = kMinPauseMs;
     bool announce = true;  // log "open" immediately; false after a failure: log it once the opening has delivered
@@ -168,9 +197,7 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
             pause_ms = std::min(2 * pause_ms, kMaxPauseMs);
             continue;
         }
-        ++counts[TACTILED_LINK_OPENED];
-        if (!std::exchange(link.is_proving, false)) ++link.stream;
-        link.age.opened(monotonic_ns());
+        link.opened(monotonic_ns());
         if (announce) log_line(LogLevel::info, "link \"{}\": open", link.name);
         segment_.set_link_state(link.index, TACTILED_LINK_OPEN);
         link.connected.store(true, std::memory_order_release);
@@ -185,8 +212,9 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
                 if (status == Status::frame && !link.driver->has_more()) pipeline_.serve();
                 present = status != Status::disconnected;
             }
-            if (present && shared_.wants(link)) present = shared_.share(link, cycles, stop_);
+            if (present && shared_.wants(link)) present = shared_.share(link, cycles, stop_, [&] { doubt.look(link); });
             cycles.count();
+            doubt.look(link);
             breather.cycle();
             if (worked || counts[TACTILED_LINK_FRAMES] == frames || monotonic_ns() - opened_ns < kWorkedNs) continue;
             worked = true;
@@ -202,7 +230,6 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
             pause(int(link.age.closed_ns() / 1'000'000), cycles);
             continue;
         }
-        segment_.set_link_count(link.index, TACTILED_LINK_GONE, ++counts[TACTILED_LINK_GONE]);
         announce = worked;
         if (counts[TACTILED_LINK_FRAMES] != frames && monotonic_ns() - opened_ns >= kPresentNs) pause_ms = kMinPauseMs;
         disconnected.about(link.name, "the device is disconnected; waiting for it to return");

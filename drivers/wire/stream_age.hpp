@@ -20,12 +20,13 @@ struct Route {
     bool device_clock = false;        // device_time_us is the time of the measurement
     bool reopening_discards = false;  // the path may drop its waiting frames when the link is closed: TCP
     double clock_ppm = 200;           // largest error of the device's clock or rate against this machine's
+    bool is_new = false;              // the port hung up before this opening: nothing waits on the way
     bool is_assumed = false;          // `direct` is the kernel's word, not the user's: a radio may hang on the port
 };
 
 // x = host time - device time = offset of the clocks + delay of the path. The offset lies between low_ and up_: up_ is the
-// smallest x seen, because no frame arrives before it was measured; a proof, a frame whose delay is at most D, raises low_ to
-// its x - D. Both follow the fitted rate, and move apart by the uncertainty of the rate. Thus the delay of a frame is at
+// smallest x seen, because no frame arrives before it was measured; a proof, a frame whose delay is at most D, raises low_
+// to its x - D. Both follow the fitted rate, and move apart by the uncertainty of the rate. Thus the delay of a frame is at
 // least x - up_ and at most x - low_. Without a clock, the device's time is the number of its frames times their mean
 // interval.
 class StreamAge {
@@ -38,7 +39,8 @@ public:
 
     // The link was opened at `opened_ns` of the host's time, 0 = unknown. rt: wait-free
     void open(const Route& route, std::uint64_t opened_ns = 0) noexcept {
-        if (route.path != route_.path || route.clock_ppm != route_.clock_ppm || proof_ == Proof::unknown) *this = fresh();
+        const bool is_other = route.path != route_.path || route.clock_ppm != route_.clock_ppm;
+        if (is_other || route.is_new || proof_ == Proof::unknown) *this = fresh();
         route_ = route;
         is_opened_ = true;
         opened_ns_ = opened_ns;
@@ -71,8 +73,11 @@ public:
     [[nodiscard]] std::uint64_t closed_ns() const noexcept {
         return std::uint64_t(std::clamp(kMissing * period_ns_, is_clock_ ? 4 * kJitter_ns : kJitter_ns, kMaxClosed_ns));
     }
-    // Measured error of the device's clock, as a fraction; 0 if unknown. rt: wait-free
+    // Returns the error of the device's clock that two proofs have measured, as a fraction, > 0: slow; 0 if unknown. rt: wait-free
     [[nodiscard]] double rate_error() const noexcept { return slope_; }
+    // The same as the frames seem to arrive, for a message: a queue that grows has a rate, too. rt: wait-free
+    [[nodiscard]] double rate_of_arrivals() const noexcept { return is_clock_ && time_ns_ > 0 ? x_ / time_ns_ : 0; }
+    [[nodiscard]] const Route& route() const noexcept { return route_; }
 
 private:
     // Jitter of 20 ms, polls of a USB adapter of 16 ms and their margin: no lag.
@@ -81,13 +86,13 @@ private:
     static constexpr double kFirst_ns = 10e6;
     // A device's clock is at most this plus the silence when its first frame comes after a restart.
     static constexpr double kBegun_ns = 0.5e9;
-    static constexpr double kMaxRate = 0.02;   // a ceramic resonator; a larger slope is no rate
-    static constexpr double kWander = 0.1;     // share of a rate that changes with the temperature
-    static constexpr double kSpan_ns = 3600e9; // the rate is that of the last one to two hours
+    static constexpr double kMaxRate = 0.02;                    // a ceramic resonator; a larger slope is no rate
+    static constexpr double kWander = 0.1;                      // share of a rate that changes with the temperature
+    static constexpr double kSpan_ns = 3600e9;                  // the rate is that of the last one to two hours
     static constexpr double kMean_ns = 5e9, kLearn_ns = 0.5e9;  // memory of the mean interval, and its first measurement
     static constexpr double kMissing = 4, kMaxClosed_ns = 2e9;
 
-    static constexpr double kNone_ns = -1e200;
+    static constexpr double kNone_ns = -1e200, kUnbounded_ns = 1e18;
 
     struct Anchor {
         double t_ns = 0, offset_ns = 0, error_ns = 0;
@@ -126,11 +131,11 @@ private:
     double doubt_ns_ = 0;                            // error since the clock began again, until a proof
     double slope_ = 0, drift_ = 0;                   // rate of the offset, and its uncertainty
     Anchor first_, second_;
-    double period_ns_ = 0, frames_ = 0;              // mean interval of the frames, and how many it is from
-    double proved_ns_ = 0, counted_ = 0;             // time_ns_ of a proof, and the frames since then
+    double period_ns_ = 0, frames_ = 0;   // mean interval of the frames, and how many it is from
+    double proved_ns_ = 0, counted_ = 0;  // time_ns_ of a proof, and the frames since then
 };
 
-// Advance of the device's time since the previous frame, by its clock of 32 bits.
+// Returns the advance of the device's time since the previous frame, by its clock of 32 bits.
 inline double StreamAge::step_by_clock(const Frame& frame, double step_ns) noexcept {
     const auto device_us = std::uint32_t(frame.device_time_us);
     const auto step_us = std::uint64_t(step_ns * 1e-3);
@@ -141,7 +146,7 @@ inline double StreamAge::step_by_clock(const Frame& frame, double step_ns) noexc
     return advance_ns;
 }
 
-// The same by the number of frames. Only a pause counts while the mean interval is being measured.
+// Returns the same by the number of frames. Only a pause counts while the mean interval is being measured.
 inline double StreamAge::step_by_number(const Frame& frame, double step_ns) noexcept {
     const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;
     const double frames = !frame.has_sequence ? 1 : is_opened_ ? (frame.sequence - sequence_) & mask : 1.0 + frame.lost;
@@ -244,6 +249,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
     if (is_polled || (is_direct() && !has_clock(frame) && !(frame.has_sequence && route_.is_assumed))) {
         proof_ = is_polled ? Proof::polled : Proof::direct;
         publish(frame, host_ns, is_polled ? std::max(waited_ns - kJitter_ns, 0.0) : waited_ns);
+        frame.bound_ns = waited_ns;
         return;
     }
     // Keeps the order: frames of one read have the same time, and each conversion to the host's clock has an error.
@@ -253,16 +259,14 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
     // A frame without the device's time, or the last frame again, which servers send to each new client.
     if ((is_clock_ && !has_clock(frame)) || (has_frame_ && is_opened_ && repeats)) {
         frame.age = Frame::Age::unproved;
+        frame.bound_ns = kUnbounded_ns;
         return;
     }
     const bool begins = !has_frame_ || is_clock_ != has_clock(frame);
     is_clock_ = has_clock(frame);
-    proof_ = is_clock_            ? Proof::clock
-             : is_direct()        ? Proof::direct
-             : frame.has_sequence ? Proof::sequence
-                                  : Proof::arrival;
+    proof_ = is_clock_ ? Proof::clock : is_direct() ? Proof::direct : frame.has_sequence ? Proof::sequence : Proof::arrival;
     const bool is_fresh = waited_ns < kJitter_ns;
-    // The path is not late by the time for which this process was stopped. What a clock shows is true in any case.
+    // The path is not late by the time for which this process was stopped. A clock shows the age in any case.
     if (is_clock_) waited_ns = 0;
     const double silence_ns = has_frame_ ? double(host_ns - host_ns_) : 0;
     if (begins)
@@ -282,7 +286,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
     t_ns_ = frame.t_ns;
 }
 
-// The first frame, or the first one with the device's time.
+// Takes the first frame, or the first one with the device's time.
 inline void StreamAge::begin(const Frame& frame, std::uint64_t host_ns, double silence_ns) noexcept {
     device_us_ = std::uint32_t(frame.device_time_us);
     slope_ = 0;
@@ -317,9 +321,9 @@ inline void StreamAge::publish(Frame& frame, std::uint64_t host_ns, double waite
     frame.bound_ns = bound_ns;
     frame.t_ns = std::max(std::min(frame.t_ns, measured_ns), std::min(t_ns_, frame.t_ns));
     const bool is_bounded = bound_ns <= stale_ns_ || late_ns > stale_ns_;  // a frame that is known to be late is BAD
-    frame.age = !is_bounded                  ? Frame::Age::unproved
-                : proof_ == Proof::arrival   ? Frame::Age::arrival_only
-                                             : Frame::Age::proved;
+    frame.age = !is_bounded                ? Frame::Age::unproved
+                : proof_ == Proof::arrival ? Frame::Age::arrival_only
+                                           : Frame::Age::proved;
     trouble_ns_ = bound_ns <= stale_ns_ ? 0 : trouble_ns_ == 0 ? host_ns : trouble_ns_;
 }
 

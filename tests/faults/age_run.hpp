@@ -1,5 +1,5 @@
-// A device, a gateway with its own timer and queue, and the bound of the age that the product computes: hours of simulated time
-// in seconds. The true time of each frame is known.
+// A device, a gateway with its own timer and queue, and the bound of the age that the product computes: hours of simulated
+// time in seconds. The true time of each frame is known.
 #pragma once
 #include <algorithm>
 #include <cmath>
@@ -12,7 +12,7 @@
 
 namespace tactiled::faults {
 
-// What the gateway does with its queue when the connection is opened.
+// A gateway discards or keeps its queue when the connection is opened.
 enum class AtOpening : std::uint8_t { discards, keeps };
 
 struct AgeScene {
@@ -20,11 +20,11 @@ struct AgeScene {
     bool clock = true, number = true;
     bool tcp = true, echo = false;
     bool is_cable = false;
-    double ppm = 0;               // the device's clock, and its rate, against this machine
-    double declared_ppm = 200;    // clock_ppm
-    double jitter_s = 0.002;      // evenly distributed delay of the path
-    double gateway_s = 0;         // the gateway forwards one frame in this time of its own timer; 0: at once
-    double cap = 1e12;            // frames that its queue holds; it drops the oldest ones
+    double ppm = 0;             // the device's clock, and its rate, against this machine
+    double declared_ppm = 200;  // clock_ppm
+    double jitter_s = 0.002;    // evenly distributed delay of the path
+    double gateway_s = 0;       // the gateway forwards one frame in this time of its own timer; 0: at once
+    double cap = 1e12;          // frames that its queue holds; it drops the oldest ones
     AtOpening at_opening = AtOpening::discards;
     // The device's next measurement after that at `t_s`, in s; default: its period.
     std::function<double(double t_s)> interval;
@@ -33,15 +33,16 @@ struct AgeScene {
 };
 
 struct AgeTally {
-    double seconds = 0, young_s = 0;   // of the run; with a frame younger than stale_ms
-    double old_s = 0, oldest_s = 0;    // GOOD and older than stale_ms + 50 ms
-    double doubt_s = 0;                // not GOOD though younger than stale_ms
+    double seconds = 0, young_s = 0;  // duration; the part with a frame younger than stale_ms
+    double old_s = 0, oldest_s = 0;   // GOOD and older than stale_ms + 50 ms
+    double doubt_s = 0;               // not GOOD though younger than stale_ms
     std::uint64_t doubts = 0, openings = 0, frames = 0, lost = 0;
 };
 
 class AgeRun {
 public:
-    AgeRun(const AgeScene& scene, std::uint64_t seed) : scene_(scene), random_(seed), age_(std::uint64_t(scene.stale_s * 1e9)) {
+    AgeRun(const AgeScene& scene, std::uint64_t seed)
+        : scene_(scene), random_(seed), age_(std::uint64_t(scene.stale_s * 1e9)) {
         clock_s_ = 0.2 + uniform() * 4000;
         open();
     }
@@ -185,7 +186,8 @@ private:
     std::mt19937_64 random_;
     StreamAge age_;
     std::deque<Item> queue_;
-    double now_s_ = 1000, measure_s_ = 1000, tick_s_ = 0, last_at_s_ = 0, last_s_ = 1000, clock_s_, echo_s_ = 1000, asked_s_ = 0;
+    double now_s_ = 1000, measure_s_ = 1000, tick_s_ = 0, last_at_s_ = 0, last_s_ = 1000, clock_s_, echo_s_ = 1000,
+           asked_s_ = 0;
     double echo_asked_s_ = 0, echo_answered_s_ = 0;
     double closed_until_s_ = 0, opening_s_ = -1e9, pause_s_ = 1;
     std::uint32_t number_ = 0, before_ = 0, answered_us_ = 0;

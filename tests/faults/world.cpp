@@ -220,7 +220,7 @@ void World::run_link_cycle(unsigned index) {
             return;
         }
         thread.open = true;
-        ++link.driver->counts[TACTILED_LINK_OPENED];
+        link.opened(world_ns);
         thread.opened_ns = world_ns;
         thread.frames_at_open = link.driver->counts[TACTILED_LINK_FRAMES];
         segment_->set_link_state(index, TACTILED_LINK_OPEN);
@@ -235,7 +235,7 @@ void World::run_link_cycle(unsigned index) {
 void World::close_link(unsigned index) {
     Link& link = *node_->links[index];
     LinkThread& thread = threads_[index];
-    thread.open = false;
+    thread.open = link.is_proving = false;
     if (plant_ == nullptr || !plant_->discontinuity_is_hidden) link.connected.store(false, std::memory_order_release);
     segment_->set_link_state(index, TACTILED_LINK_CLOSED);
     link.driver->close();

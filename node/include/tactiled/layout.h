@@ -131,7 +131,8 @@ enum tactiled_use {
       "differs from the sensor that it should agree with", "tare both sensors, then compare them under a load")             \
     X(UNPROVED_AGE, "unproved-age", TACTILED_UNCERTAIN, 20, "UNPROVED_AGE", 0,                                              \
       "its age is not proved: frames were delayed, or the device paused",                                                   \
-      "wait until the age is proved again, or reopen the link; the time with each frame proves the most")                   \
+      "let the device send its time and answer echo = true, or write path = \"direct\" in its [[link]] for a real cable; "  \
+      "over TCP wait for the next opening")                                                                                 \
     X(STEPPED, "stepped", TACTILED_UNCERTAIN, 18, "STEPPED", 0, "a channel has changed faster than it can",                 \
       "check for a loose wire, or raise slew_limit_per_s")                                                                  \
     X(OUTSIDE_DOMAIN, "outside-domain", TACTILED_UNCERTAIN, 11, "OUTSIDE_DOMAIN", TACTILED_FOR_ZERO | TACTILED_FOR_WEIGHT,  \

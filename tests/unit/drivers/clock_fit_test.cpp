@@ -39,7 +39,8 @@ public:
     // Returns {true time, timestamp, arrival}.
     std::array<std::uint64_t, 3> next() {
         sent_ns_ += kSecond / 1000;
-        const std::uint64_t delay_ns = 50'000 + random_() % (random_() % 100 == 0 ? 10 * kSecond / 1000 : 2 * kSecond / 1000);
+        const std::uint64_t delay_ns =
+            50'000 + random_() % (random_() % 100 == 0 ? 10 * kSecond / 1000 : 2 * kSecond / 1000);
         const auto timestamp = std::uint64_t(double(sent_ns_) * (1 + drift_)) / 1000 * 1000;  // whole us
         return {sent_ns_, timestamp, kStart + sent_ns_ + delay_ns};
     }
@@ -128,7 +129,8 @@ TEST(ClockFit, AMessageThatWasHeldUpForLongChangesNothing) {
 TEST(ClockFit, AFewLateMessagesOfASlowDeviceChangeNothing) {
     ClockFit fit;
     for (std::uint64_t n = 0; n < 100; ++n) {
-        const std::uint64_t timestamp = n * kSecond, arrival = Adapter::kStart + timestamp + (n % 20 > 15 ? 300 * kSecond / 1000 : 0);
+        const std::uint64_t timestamp = n * kSecond,
+                            arrival = Adapter::kStart + timestamp + (n % 20 > 15 ? 300 * kSecond / 1000 : 0);
         EXPECT_NEAR(double(fit.monotonic_ns(timestamp, arrival)), double(Adapter::kStart + timestamp), 1e6)
             << n;  // 200 ppm of 5 s
     }

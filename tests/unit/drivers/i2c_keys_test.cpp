@@ -125,8 +125,9 @@ TEST(I2cKeys, ASwitchInFrontOfAChipNeedsElectrodesAndLinesEnough) {
         return "select = {chip = \"gpiochip0\", lines = [" + lines + "]}\n";
     };
     EXPECT_EQ(i2c_problems_of(chip + "electrodes = 5\n" + select("\"5\", \"6\", \"MUX_C\"")), "");
-    EXPECT_NE(i2c_problems_of(chip + "electrodes = 5\n" + select("\"5\", \"6\"")).find("select one of 4, not of 5 electrodes"),
-              std::string::npos);
+    EXPECT_NE(
+        i2c_problems_of(chip + "electrodes = 5\n" + select("\"5\", \"6\"")).find("select one of 4, not of 5 electrodes"),
+        std::string::npos);
     EXPECT_NE(i2c_problems_of(chip + "electrodes = 5\n").find("electrodes needs select"), std::string::npos);
     EXPECT_NE(i2c_problems_of(chip + select("\"5\"")).find("ad7746 with electrodes"), std::string::npos);
     EXPECT_NE(i2c_problems_of(chip + "electrodes = 2\nchannels = 2\n" + select("\"5\"")).find("cannot both be there"),

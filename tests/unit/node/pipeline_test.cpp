@@ -75,8 +75,7 @@ TEST_F(PipelineTest, ALinkWhoseAgeIsNotProvedIsOpenedAgainOnceAndThenLessOften) 
     EXPECT_EQ(sample.quality, unsigned(TACTILED_UNCERTAIN));
     EXPECT_EQ(sample.reasons, unsigned(TACTILED_UNPROVED_AGE));
     EXPECT_FALSE(stays_open) << "the link is to be opened again";
-    ++driver_[0]->counts[TACTILED_LINK_OPENED];
-    links_[0]->age.opened(t_ns + 190 * ms);
+    links_[0]->opened(t_ns + 190 * ms);
     t_ns += 195 * ms;
     sequence += 19;  // the frames of the time in which the link was closed are missing
     send_counted(10);
