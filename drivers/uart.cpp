@@ -32,6 +32,7 @@ constexpr std::uint64_t kLateMs = 20;               // a running process continu
 // Interval of the requests for an echo, and the same while no frame comes: the frame that ends a silence is then known to
 // be as young as the last answer.
 constexpr std::uint64_t kEchoNs = 200'000'000, kSilentEchoNs = 25'000'000;
+constexpr std::uint64_t kLostEchoNs = 2'000'000'000;  // a request without an answer for this time is repeated
 constexpr std::uint64_t kStopMs = 20;  // two frames of a device at 100 Hz: a frame that was being sent has ended
 
 class Stream final : public Driver {
@@ -181,7 +182,7 @@ private:
         if (!echo_) return;
         const std::uint64_t now = now_ns();
         const bool is_answered = echo_number_ % 2 == 0, is_silent = now - std::min(asked_ns_, now) > kSilentEchoNs;
-        const std::uint64_t interval_ns = is_silent && is_answered ? kSilentEchoNs : kEchoNs;
+        const std::uint64_t interval_ns = !is_answered ? kLostEchoNs : is_silent ? kSilentEchoNs : kEchoNs;
         if (now - std::min(echo_ns_, now) < interval_ns) return;
         echo_number_ += is_answered ? 1 : 2;  // the number of a request is odd
         std::array<char, 16> line{'?'};

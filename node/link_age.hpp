@@ -52,16 +52,18 @@ public:
     // Returns true once if a proof is due and an opening of the link may be one. `is_busy`: it can wait while the bound
     // allows. The limit is one opening per second, and less while openings do not end a doubt. rt: wait-free
     [[nodiscard]] bool asks_for_reopening(bool is_busy) noexcept {
-        bool asks = false, helped = true;
+        bool asks = false;
+        std::uint32_t proofs = 0;
         std::uint64_t now = 0;
         for (const auto& each : devices_) {
             if (!each->age.may_ask()) continue;
             if (now == 0) now = host_ns(now_ns());
             asks = asks || each->age.asks_for_reopening(now, is_busy);
-            helped = helped && (each->age.trouble_ns() == 0 || each->age.trouble_ns() > asked_ns_);
+            proofs += each->age.proofs();
         }
         if (!asks || now < asked_ns_ + pause_ns_) return false;
-        pause_ns_ = helped ? kMinPause_ns : std::min(2 * pause_ns_, kMaxPause_ns);
+        pause_ns_ = proofs != proofs_ ? kMinPause_ns : std::min(2 * pause_ns_, kMaxPause_ns);
+        proofs_ = proofs;
         asked_ns_ = now;
         return true;
     }
@@ -123,6 +125,7 @@ private:
     std::vector<std::unique_ptr<Device>> devices_;
     std::uint32_t opened_ = ~0u;
     std::uint64_t opened_ns_ = 0;                           // host time of the opening; 0: unknown
+    std::uint32_t proofs_ = 0;                              // of all devices at the last request
     std::uint64_t asked_ns_ = 0, pause_ns_ = kMinPause_ns;  // last request, and the time until the next one
 };
 

@@ -27,7 +27,7 @@ Status acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
     if (status != Status::frame || !driver.has_more()) {  // once per burst, not per frame
         link.ring.commit();
         segment.set_link_counts(link.index, driver.counts.count);
-        if (link.age.asks_for_reopening(link.is_busy.load(std::memory_order_relaxed))) {
+        if (status != Status::disconnected && link.age.asks_for_reopening(link.is_busy.load(std::memory_order_relaxed))) {
             link.is_proving = true;
             return Status::disconnected;
         }

@@ -14,6 +14,7 @@ namespace {
 
 constexpr int kReadTimeoutMs = 50;  // longest delay of stop() by a thread with a silent device
 constexpr int kMinPauseMs = 50, kMaxPauseMs = 1000;
+constexpr int kRefusals = 3;                         // of an opening for a proof, before the stream ends
 constexpr std::uint64_t kPipelineNs = 50'000'000;    // a pipeline without a cycle for this time plus two periods hangs
 constexpr std::uint64_t kRunnerNs = 100'000;         // time in which another thread should finish a cycle
 constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // minimum interval of equal log lines about one link
@@ -67,7 +68,7 @@ public:
         const std::string rate =
             share * 1e6 > trouble.clock_ppm && share < 0.02
                 ? fmt::format("; the device's clock is {:.2f} % {}: write clock_ppm = {:.0f}", 100 * share,
-                              trouble.rate_error > 0 ? "slow" : "fast", std::ceil(share * 1200) * 1000)
+                              trouble.rate_error > 0 ? "slow" : "fast", std::min(std::ceil(share * 1200) * 1000, 20'000.0))
                 : "";
         log_line(LogLevel::warning,
                  "link \"{}\": no frame has proved its age for {} s{}; let the device answer echo = true{}", link.name,
@@ -184,10 +185,16 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
     Doubt doubt;
     Complaint refused, disconnected;  // separate, because a device may be refused and disconnected alternately
     int pause_ms = kMinPauseMs;
-    bool announce = true;  // log "open" immediately; false after a failure: log it once the opening has delivered
+    bool was_proving = false;  // the link was closed to prove the age, after it had worked
+    int refusals = 0;          // of openings for a proof
+    bool announce = true;      // log "open" immediately; false after a failure: log it once the opening has delivered
     LinkCounts& counts = link.driver->counts;
     while (!stop_.load(std::memory_order_acquire)) {
         const std::string wrong = try_open(*link.driver);
+        if (!wrong.empty() && link.is_proving && ++refusals <= kRefusals) {  // a gateway may not have seen the end yet
+            pause(kMinPauseMs, cycles);
+            continue;
+        }
         if (!wrong.empty()) {
             end_stream(link);
             segment_.set_link_count(link.index, TACTILED_LINK_OPEN_FAILED, ++counts[TACTILED_LINK_OPEN_FAILED]);
@@ -197,6 +204,8 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
             pause_ms = std::min(2 * pause_ms, kMaxPauseMs);
             continue;
         }
+        announce = announce && !link.is_proving;
+        refusals = 0;
         link.opened(monotonic_ns());
         if (announce) log_line(LogLevel::info, "link \"{}\": open", link.name);
         segment_.set_link_state(link.index, TACTILED_LINK_OPEN);
@@ -204,7 +213,7 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
         pipeline_.serve();
         const std::uint64_t opened_ns = monotonic_ns();
         const std::uint32_t frames = counts[TACTILED_LINK_FRAMES];
-        bool present = true, worked = false;
+        bool present = true, worked = !announce && std::exchange(was_proving, false);
         while (present && !stop_.load(std::memory_order_acquire)) {
             {
                 const Armed armed;
@@ -225,8 +234,12 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
         // The end of the daemon is not a discontinuity of the link.
         if (!present && !link.is_proving) end_stream(link);
         link.driver->close();
-        if (present) break;
+        if (present) {
+            segment_.set_link_state(link.index, TACTILED_LINK_CLOSED);
+            break;
+        }
         if (link.is_proving) {
+            was_proving = true;
             pause(int(link.age.closed_ns() / 1'000'000), cycles);
             continue;
         }

@@ -61,7 +61,7 @@ public:
     [[nodiscard]] std::uint64_t trouble_ns() const noexcept { return trouble_ns_; }
     // True if an opening of the link may prove the age. rt: wait-free
     [[nodiscard]] bool may_ask() const noexcept {
-        return route_.reopening_discards && has_frame_ && !is_opened_ && (is_clock_ || period_ns_ < stale_ns_);
+        return route_.reopening_discards && has_frame_ && !is_opened_ && !keeps_ && (is_clock_ || period_ns_ < stale_ns_);
     }
     // True if a proof is due, too. `is_busy`: it can wait while the bound allows. rt: wait-free
     [[nodiscard]] bool asks_for_reopening(std::uint64_t host_ns, bool is_busy) const noexcept {
@@ -71,13 +71,17 @@ public:
     }
     // Time for which the link should stay closed, so that the missing frames are a gap of four. rt: wait-free
     [[nodiscard]] std::uint64_t closed_ns() const noexcept {
-        return std::uint64_t(std::clamp(kMissing * period_ns_, is_clock_ ? 4 * kJitter_ns : kJitter_ns, kMaxClosed_ns));
+        const double least_ns = std::min(kJitter_ns, stale_ns_ / 2), most_ns = std::max(kJitter_ns, stale_ns_ / 2);
+        return std::uint64_t(std::clamp(kMissing * period_ns_, least_ns, most_ns));
     }
-    // Returns the error of the device's clock that two proofs have measured, as a fraction, > 0: slow; 0 if unknown. rt: wait-free
+    // Returns the error of the device's clock that two proofs have measured, as a fraction, > 0: slow; 0 if unknown. rt:
+    // wait-free
     [[nodiscard]] double rate_error() const noexcept { return slope_; }
     // The same as the frames seem to arrive, for a message: a queue that grows has a rate, too. rt: wait-free
     [[nodiscard]] double rate_of_arrivals() const noexcept { return is_clock_ && time_ns_ > 0 ? x_ / time_ns_ : 0; }
     [[nodiscard]] const Route& route() const noexcept { return route_; }
+    // Number of openings that have proved the age. rt: wait-free
+    [[nodiscard]] std::uint32_t proofs() const noexcept { return proofs_; }
 
 private:
     // Jitter of 20 ms, polls of a USB adapter of 16 ms and their margin: no lag.
@@ -90,7 +94,7 @@ private:
     static constexpr double kWander = 0.1;                      // share of a rate that changes with the temperature
     static constexpr double kSpan_ns = 3600e9;                  // the rate is that of the last one to two hours
     static constexpr double kMean_ns = 5e9, kLearn_ns = 0.5e9;  // memory of the mean interval, and its first measurement
-    static constexpr double kMissing = 4, kMaxClosed_ns = 2e9;
+    static constexpr double kMissing = 4;                       // periods
 
     static constexpr double kNone_ns = -1e200, kUnbounded_ns = 1e18;
 
@@ -111,7 +115,11 @@ private:
     void begin(const Frame& frame, std::uint64_t host_ns, double silence_ns) noexcept;
     void advance(const Frame& frame, std::uint64_t host_ns, double step_ns) noexcept;
     void begin_again(double error_ns) noexcept;
-    void follow(double step_ns, double advance_ns) noexcept;
+    void follow(double step_ns, double advance_ns, bool is_next) noexcept;
+    void release() noexcept {
+        held_ns_ = kNone_ns;
+        keeps_ = false;
+    }
     void test_opening(const Frame& frame, double advance_ns, double limit_ns, double host_ns) noexcept;
     void prove(double delay_ns) noexcept;
     void measure_interval() noexcept;
@@ -124,6 +132,8 @@ private:
     bool has_frame_ = false, is_opened_ = false, is_clock_ = false;
     // x has risen at once, as frames do that were held; their lag lasts until x falls below this, and no opening ends it.
     double held_ns_ = kNone_ns;
+    bool keeps_ = false;  // an opening lost no frame and made the lag longer; until then, no other one is asked for
+    std::uint32_t proofs_ = 0;
     std::uint64_t opened_ns_ = 0, trouble_ns_ = 0;
     std::uint64_t host_ns_ = 0, t_ns_ = 0;  // of the previous frame
     std::uint32_t device_us_ = 0, sequence_ = 0;
@@ -160,12 +170,13 @@ inline double StreamAge::step_by_number(const Frame& frame, double step_ns) noex
     const bool is_pause = excess_ns > stale_ns_ || x_ > up_ + kFirst_ns;
     const bool is_learned = frames_ * period_ns_ > kLearn_ns;
     // Neither a pause that makes a doubt nor the frames that end it are the device's rate.
-    const bool is_regular = std::abs(excess_ns) < advance_ns / 2;
+    const bool is_regular = std::abs(excess_ns) < advance_ns / 2 || !is_learned;
     if (!is_opened_ && (is_regular || x_ + excess_ns - up_ + error_ns() < stale_ns_)) learn(step_ns, frames);
     return is_learned || is_pause || is_opened_ ? advance_ns : step_ns;
 }
 
 inline void StreamAge::learn(double step_ns, double frames) noexcept {
+    if (frames > frames_ + 1) return;  // most of them are lost
     frames_ = std::min(frames_ + frames, std::max(kMean_ns / std::max(period_ns_, 1.0), 2.0));
     period_ns_ += (step_ns - frames * period_ns_) / frames_;
 }
@@ -173,43 +184,48 @@ inline void StreamAge::learn(double step_ns, double frames) noexcept {
 // The device has restarted, or its clock was set: the offset is another one.
 inline void StreamAge::begin_again(double error_ns) noexcept {
     up_ = low_ = x_;
-    held_ns_ = kNone_ns;
+    release();
     doubt_ns_ = error_ns;
     first_ = second_ = {};
 }
 
-inline void StreamAge::follow(double step_ns, double advance_ns) noexcept {
+inline void StreamAge::follow(double step_ns, double advance_ns, bool is_next) noexcept {
     up_ += (slope_ + drift_) * step_ns;
     low_ += (slope_ - drift_) * step_ns;
     if (is_clock_ && x_ < std::min(low_, up_) - kJitter_ns)  // the clock was set on, or this machine stood still
         return begin_again(error_ns() + up_ - x_);
+    if (!is_clock_) x_ = std::max(x_, low_);  // a burst of the device gives no credit for a later lag
     up_ = std::min(up_, x_);
-    if (!is_clock_) low_ = std::min(low_, up_);  // a mean interval that was too long is no proof of an error
-    held_ns_ += (slope_ - drift_) * step_ns;
-    if (x_ < held_ns_) held_ns_ = kNone_ns;
-    const double risen_ns = step_ns - advance_ns;
-    if (is_clock_ && held_ns_ <= kNone_ns && risen_ns > kJitter_ns) held_ns_ = x_ - risen_ns / 2;
+    held_ns_ += (slope_ - (is_direct() ? 0 : drift_)) * step_ns;
+    if (x_ < held_ns_) release();
+    const double risen_ns = step_ns - advance_ns - (slope_ + drift_) * step_ns;
+    const bool is_held = (is_clock_ || is_direct()) && risen_ns > kJitter_ns / 2 && !(is_next && advance_ns < -kJitter_ns);
+    if (is_held && held_ns_ <= kNone_ns) held_ns_ = x_ - risen_ns / 2;
 }
 
 // The first frame after an opening. If the frames of the time in which the link was closed are missing, the path keeps
 // none, and this one has passed it since the opening.
 inline void StreamAge::test_opening(const Frame& frame, double advance_ns, double limit_ns, double host_ns) noexcept {
     const double closed_ns = double(opened_ns_) - double(host_ns_);
-    const bool is_kept = is_clock_ ? advance_ns < closed_ns / 2 : frame.has_sequence && frame.sequence == sequence_ + 1;
-    if (is_kept || (proof_ != Proof::arrival && advance_ns > limit_ns) || held_ns_ > kNone_ns) return;
+    const bool is_counted = is_clock_ || frame.has_sequence;
+    const bool is_kept = is_counted && advance_ns < std::max(closed_ns / 2, 1.5 * period_ns_);
+    keeps_ = is_kept && held_ns_ > kNone_ns;
+    if (is_kept || (is_counted && advance_ns > limit_ns) || held_ns_ > kNone_ns) return;
     const double delay_ns = host_ns - double(opened_ns_);
     if (!is_clock_) begin_again(delay_ns);
     prove(delay_ns);
+    ++proofs_;
 }
 
 // This frame has been on its way for at most `delay_ns`.
 inline void StreamAge::prove(double delay_ns) noexcept {
+    if (delay_ns < 0) return;  // a damaged answer
     const bool contradicts = x_ - delay_ns > up_ || up_ < low_ || doubt_ns_ > 0;
     doubt_ns_ = 0;
     low_ = contradicts ? x_ - delay_ns : std::max(low_, x_ - delay_ns);
     up_ = contradicts ? x_ : up_;
     low_ = std::min(low_, up_);
-    held_ns_ = kNone_ns;
+    release();
     if (!is_clock_) return measure_interval();
     const Anchor now{time_ns_, (up_ + low_) / 2, is_direct() ? kJitter_ns / 2 : (up_ - low_) / 2, true};
     if (!first_.is_set) first_ = now;
@@ -239,6 +255,7 @@ inline void StreamAge::measure_interval() noexcept {
     frames_ = std::min(counted_, frames_);
     proved_ns_ = time_ns_;
     counted_ = 0;
+    drift_ = is_direct() ? kMaxRate : route_.clock_ppm * 1e-6;
 }
 
 inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t asked_ns) noexcept {
@@ -277,7 +294,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
         const double after_ns = is_clock_ ? double(std::int32_t(device_us_ - frame.answered_us)) * 1e3 : 0;
         prove(double(std::int64_t(host_ns - asked_ns)) - after_ns);
     }
-    if (is_direct() && is_fresh && x_ - up_ < kJitter_ns) prove(x_ - up_);
+    if (is_direct() && is_fresh && x_ - up_ < kJitter_ns && held_ns_ <= kNone_ns) prove(x_ - up_);
     is_opened_ = false;
     has_frame_ = true;
     sequence_ = frame.sequence;
@@ -290,7 +307,9 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
 inline void StreamAge::begin(const Frame& frame, std::uint64_t host_ns, double silence_ns) noexcept {
     device_us_ = std::uint32_t(frame.device_time_us);
     slope_ = 0;
-    drift_ = is_direct() ? kMaxRate : proof_ == Proof::arrival ? 0 : route_.clock_ppm * 1e-6;
+    // Until a number's interval was measured between two proofs, it may be that of a queue that grows.
+    const bool is_unknown = is_direct() || (proof_ == Proof::sequence && route_.reopening_discards);
+    drift_ = proof_ == Proof::arrival ? 0 : is_unknown ? kMaxRate : route_.clock_ppm * 1e-6;
     const bool is_known = route_.reopening_discards && opened_ns_ != 0;
     const double first_ns = is_known ? double(host_ns - opened_ns_) : std::min(kFirst_ns, stale_ns_ / 4);
     begin_again(has_frame_ ? silence_ns + x_ - up_ + error_ns() : first_ns);
@@ -300,17 +319,24 @@ inline void StreamAge::begin(const Frame& frame, std::uint64_t host_ns, double s
 inline void StreamAge::advance(const Frame& frame, std::uint64_t host_ns, double step_ns) noexcept {
     const double bound_ns = x_ - up_ + error_ns();
     const double advance_ns = is_clock_ ? step_by_clock(frame, step_ns) : step_by_number(frame, step_ns);
+    const double most_ns = step_ns + bound_ns + kJitter_ns;
     time_ns_ += step_ns;
     x_ += step_ns - advance_ns;
     const double begun_ns = double(device_us_) * 1e3;
-    if (is_clock_ && std::abs(advance_ns) > step_ns + kBegun_ns && begun_ns < step_ns + kBegun_ns)
-        begin_again(std::max(bound_ns + step_ns - begun_ns, 0.0));  // the device has restarted
-    else if (is_clock_ && advance_ns < 0 && is_direct())
+    const bool has_begun = is_clock_ ? std::abs(step_ns - advance_ns) > kBegun_ns && begun_ns < step_ns + kBegun_ns
+                                     : is_opened_ && advance_ns > most_ns;
+    // Its number goes on, so a clock that went back was set back.
+    const bool is_next = frame.has_sequence && !is_opened_ && frame.sequence == sequence_ + 1 + frame.lost;
+    if (has_begun) {  // the device has restarted
+        begin_again(bound_ns + step_ns);
+        proved_ns_ = time_ns_;
+        counted_ = 0;
+    } else if (is_clock_ && advance_ns < 0 && is_direct())
         begin_again(bound_ns + step_ns);  // its clock was set back; a network may send old frames again
     else
-        follow(step_ns, advance_ns);
-    if (is_opened_ && route_.reopening_discards && opened_ns_ != 0)
-        test_opening(frame, advance_ns, step_ns + bound_ns + kJitter_ns, double(host_ns));
+        follow(step_ns, advance_ns, is_next);
+    if (is_opened_ && !has_begun && route_.reopening_discards && opened_ns_ != 0)
+        test_opening(frame, advance_ns, most_ns, double(host_ns));
 }
 
 inline void StreamAge::publish(Frame& frame, std::uint64_t host_ns, double waited_ns) noexcept {

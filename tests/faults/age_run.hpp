@@ -171,8 +171,7 @@ private:
         const std::uint64_t now_ns = ns(now_s_);
         if (now_s_ < closed_until_s_ || !age_.may_ask() || now_s_ < opening_s_ + pause_s_) return;
         if (!age_.asks_for_reopening(now_ns, false)) return;
-        const bool helped = age_.trouble_ns() == 0 || age_.trouble_ns() > ns(opening_s_);
-        pause_s_ = helped ? 1 : std::min(2 * pause_s_, 60.0);
+        pause_s_ = std::exchange(proofs_, age_.proofs()) != age_.proofs() ? 1 : std::min(2 * pause_s_, 60.0);
         opening_s_ = now_s_;
         ++tally.openings;
         closed_until_s_ = now_s_ + double(age_.closed_ns()) * 1e-9 + 0.002;
@@ -190,7 +189,7 @@ private:
            asked_s_ = 0;
     double echo_asked_s_ = 0, echo_answered_s_ = 0;
     double closed_until_s_ = 0, opening_s_ = -1e9, pause_s_ = 1;
-    std::uint32_t number_ = 0, before_ = 0, answered_us_ = 0;
+    std::uint32_t proofs_ = 0, number_ = 0, before_ = 0, answered_us_ = 0;
     bool is_first_ = true, was_good_ = true;
 };
 

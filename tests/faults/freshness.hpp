@@ -208,7 +208,7 @@ private:
         // The link's thread looks each period, too.
         const std::uint64_t now_ns = host_ns(now_s_);
         if (!age_.may_ask() || !age_.asks_for_reopening(now_ns, false) || now_ns < asked_ns_ + pause_ns_) return;
-        const bool helped = age_.trouble_ns() == 0 || age_.trouble_ns() > asked_ns_;
+        const bool helped = std::exchange(proofs_, age_.proofs()) != age_.proofs();
         pause_ns_ = helped ? 1'000'000'000 : std::min<std::uint64_t>(2 * pause_ns_, 60'000'000'000);
         asked_ns_ = now_ns;
         ++tally.reopened;
@@ -325,6 +325,7 @@ private:
     Stream stream_;
     std::mt19937_64 random_;
     StreamAge age_;
+    std::uint32_t proofs_ = 0;
     std::uint64_t asked_ns_ = 0, pause_ns_ = 1'000'000'000;
     std::uint32_t sequence_, before_ = 0;
     std::uint64_t device_us_seen_ = 0;
