@@ -341,12 +341,12 @@ inline void StreamAge::advance(const Frame& frame, std::uint64_t host_ns, double
 
 inline void StreamAge::publish(Frame& frame, std::uint64_t host_ns, double waited_ns) noexcept {
     const double late_ns = (is_clock_ ? x_ - up_ : 0) + waited_ns, bound_ns = x_ - up_ + error_ns() + waited_ns;
-    const auto back_ns = std::uint64_t(std::max({late_ns, bound_ns - stale_ns_ / 2, 0.0}));
+    const bool is_bounded = bound_ns <= stale_ns_ || late_ns > stale_ns_;  // a frame that is known to be late is BAD
+    const auto back_ns = std::uint64_t(std::max(late_ns, is_bounded ? bound_ns - stale_ns_ / 2 : 0));
     const std::uint64_t measured_ns = frame.taken_ns > back_ns ? frame.taken_ns - back_ns : 0;
     frame.late_ns = std::uint64_t(late_ns);
     frame.bound_ns = bound_ns;
     frame.t_ns = std::max(std::min(frame.t_ns, measured_ns), std::min(t_ns_, frame.t_ns));
-    const bool is_bounded = bound_ns <= stale_ns_ || late_ns > stale_ns_;  // a frame that is known to be late is BAD
     frame.age = !is_bounded                ? Frame::Age::unproved
                 : proof_ == Proof::arrival ? Frame::Age::arrival_only
                                            : Frame::Age::proved;

@@ -9,7 +9,7 @@
 namespace tactiled::faults {
 namespace {
 
-double number(const char* name, double otherwise) {
+double setting(const char* name, double otherwise) {
     const char* text = std::getenv(name);
     return text != nullptr ? std::strtod(text, nullptr) : otherwise;
 }
@@ -25,7 +25,7 @@ void print(const std::string& name, const AgeTally& t) {
 // ---- queues that grow ----------------------------------------------------------------------------------------------------
 
 TEST(Age, NoGoodFrameIsOldBehindAQueueThatGrowsByUpToTwoPercent) {
-    const double hours = number("HOURS", 1);
+    const double hours = setting("HOURS", 1);
     for (const double ppm : {1.0, 20.0, 50.0, 100.0, 200.0, 1000.0, 5000.0, 20000.0})
         for (const auto& [name, at_opening, cap] : {std::tuple{"discards", AtOpening::discards, 1e12},
                                                     {"keeps", AtOpening::keeps, 1e12},
@@ -38,7 +38,7 @@ TEST(Age, NoGoodFrameIsOldBehindAQueueThatGrowsByUpToTwoPercent) {
                                .gateway_s = 0.01,
                                .cap = cap,
                                .at_opening = at_opening};
-                AgeRun run(scene, std::uint64_t(number("SEED", 1)));
+                AgeRun run(scene, std::uint64_t(setting("SEED", 1)));
                 const AgeTally tally = run.run(3600 * hours);
                 print(fmt::format("{} ppm, {}, {}", ppm, name, tcp ? "TCP" : "pty"), tally);
                 EXPECT_EQ(tally.old_s, 0);
@@ -56,8 +56,8 @@ struct Honest {
 };
 
 TEST(Age, HonestDevicesAreGood) {
-    const double hours = number("HOURS", 2);
-    std::mt19937_64 random(std::uint64_t(number("SEED", 1)));
+    const double hours = setting("HOURS", 2);
+    std::mt19937_64 random(std::uint64_t(setting("SEED", 1)));
     const auto uniform = [&](double a, double b) { return a + (b - a) * double(random() >> 11) * 0x1p-53; };
     const auto pausing = [&](double each_s, double from_s, double to_s) {
         return [&, each_s, from_s, to_s, next_s = 0.0](double t_s) mutable {

@@ -7,8 +7,8 @@
 
 namespace tactiled::faults {
 
-// Streams of which no receiver can see this, see drivers/wire/freshness.md.
-enum SeenBy { kByAll, kByClocks, kByClocksOverTcp, kByCounters, kByAllButRelays, kByCountersAndPty, kByTcp, kByNone };
+// Streams that show this; numbers and arrivals are counted and printed in any case, see drivers/wire/freshness.md.
+enum SeenBy { kByAll, kByClocks, kByCounters, kByNone };
 
 struct Kind {
     const char* name;

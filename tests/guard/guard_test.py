@@ -267,8 +267,11 @@ calibration = "{folder}/unit.toml"
                 if client is None:
                     client = server.accept()[0]
                     until = time.monotonic() + 2.5
-                if phases():
-                    client.sendall(text)
+                try:
+                    if phases():
+                        client.sendall(text)
+                except OSError:  # the daemon has opened the link again
+                    until = 0
                 if time.monotonic() > until:
                     client.close()
                     client = None
@@ -286,6 +289,7 @@ calibration = "{folder}/unit.toml"
 name = "net"
 driver = "tcp"
 address = "127.0.0.1:{server.getsockname()[1]}"
+path = "direct"
 format = "kms40"
 
 [[link]]

@@ -181,7 +181,7 @@ class Echo(unittest.TestCase):
                 self.assertGreater(self.good[name], 0.2 * self.looks, "the age was proved at first")
                 self.assertEqual((self.links[name]["opened"], self.links[name]["gone"], self.links[name]["lost"]), (1, 0, 0))
                 if counter:
-                    self.assertGreaterEqual(self.links[name][counter], UNPROVED_S - 2)
+                    self.assertGreaterEqual(self.links[name][counter], 2)  # a request without an answer is repeated after 2 s
                     self.assertEqual(set(self.errors(name)), {counter, "skipped_bytes"})
 
 

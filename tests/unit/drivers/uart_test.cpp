@@ -277,7 +277,7 @@ TEST_F(UartTest, AsksForAnEchoAndGivesTheAnswerToTheNextFrameOnce) {
     const std::string number = last_request(master_);
     EXPECT_EQ(read_after("!" + number + "0,77\n2\n").asked_ns, 0u) << "another number";
     const Frame answered = read_after("!" + number + ",77\n3\n");
-    EXPECT_GT(answered.asked_ns, began_ns - 250'000'000);
+    EXPECT_GT(answered.asked_ns, began_ns - 4'000'000'000);
     EXPECT_LT(answered.asked_ns, answered.t_ns);
     EXPECT_EQ(answered.answered_us, 77u);
     EXPECT_EQ(read_after("!" + number + ",78\n4\n").asked_ns, 0u) << "it was answered";

@@ -63,7 +63,7 @@ TEST_F(PipelineTest, ALinkWhoseAgeIsNotProvedIsOpenedAgainOnceAndThenLessOften) 
         }
         return std::pair(sensors_[0].last(), stays_open);
     };
-    send_counted(500);
+    send_counted(150);
     auto [sample, stays_open] = last_of_all();
     EXPECT_EQ(sample.reasons, 0u);
     EXPECT_TRUE(stays_open);
