@@ -46,6 +46,9 @@ public:
     // rt: not in the loop; may be called when not open
     virtual void close() noexcept = 0;
 
+    // The same for a stream that is opened again at once: the device is not told to stop. rt: not in the loop
+    virtual void interrupt() noexcept { close(); }
+
     // True if another frame is already complete: read() would return it without a system call.
     // rt: wait-free
     [[nodiscard]] virtual bool has_more() const noexcept { return false; }

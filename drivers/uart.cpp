@@ -129,6 +129,11 @@ public:
     void close() noexcept override {
         if (fd_ < 0) return;
         (void)tell(decoder_->stop_bytes());
+        interrupt();
+    }
+
+    void interrupt() noexcept override {
+        if (fd_ < 0) return;
         if (std::uint32_t overruns = 0; tty_overruns(fd_, overruns))
             counts[TACTILED_LINK_OVERRUN] = overruns_before_ + (overruns - overruns_at_open_);
         ::close(fd_);

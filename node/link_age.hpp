@@ -39,6 +39,7 @@ public:
                             frame.asked_ns == 0 ? 0 : host_ns(frame.asked_ns));
             each->proof.store(std::uint32_t(each->age.proof()), std::memory_order_relaxed);
             each->bound_ns.store(frame.bound_ns, std::memory_order_relaxed);
+            each->read_ns.store(taken_ns, std::memory_order_relaxed);
             if (each->age.trouble_ns() != 0) {
                 each->rate_error.store(each->age.rate_of_arrivals(), std::memory_order_relaxed);
                 each->clock_ppm.store(each->age.route().clock_ppm, std::memory_order_relaxed);
@@ -82,10 +83,13 @@ public:
         return 0;
     }
 
-    // Returns the largest possible age of the last frame of `device` when it was read, in ns. rt: wait-free; from any thread
-    [[nodiscard]] double bound_ns(std::uint16_t device) const noexcept {
-        for (const auto& each : devices_)
-            if (each->number == device) return each->bound_ns.load(std::memory_order_relaxed);
+    // Returns the largest possible age of the last frame of `device` at `now_ns`, in ns. rt: wait-free; from any thread
+    [[nodiscard]] double bound_ns(std::uint16_t device, std::uint64_t now_ns) const noexcept {
+        for (const auto& each : devices_) {
+            if (each->number != device) continue;
+            const std::uint64_t read_ns = each->read_ns.load(std::memory_order_relaxed);
+            return each->bound_ns.load(std::memory_order_relaxed) + double(now_ns - std::min(read_ns, now_ns));
+        }
         return 0;
     }
 
@@ -118,6 +122,7 @@ private:
         StreamAge age;
         std::atomic<std::uint32_t> proof{0};  // these are written by the link's thread, and read by the pipeline
         std::atomic<double> bound_ns{0};
+        std::atomic<std::uint64_t> read_ns{0};  // when the frame of bound_ns was read
         std::atomic<std::uint64_t> trouble_ns{0};
         std::atomic<double> rate_error{0}, clock_ppm{0};
         std::atomic<bool> may_open{false};
@@ -125,7 +130,7 @@ private:
     std::vector<std::unique_ptr<Device>> devices_;
     std::uint32_t opened_ = ~0u;
     std::uint64_t opened_ns_ = 0;                           // host time of the opening; 0: unknown
-    std::uint32_t proofs_ = 0;                              // of all devices at the last request
+    std::uint32_t proofs_ = 0;                              // those of all devices, as of the last request
     std::uint64_t asked_ns_ = 0, pause_ns_ = kMinPause_ns;  // last request, and the time until the next one
 };
 

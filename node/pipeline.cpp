@@ -79,7 +79,7 @@ void Pipeline::publish(std::uint32_t sensor, const tactiled_sample& sample) noex
 void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
     for (const auto& link : links_)
         for (const auto& binding : link->bindings)
-            segment_.set_age(binding.sensor, link->age.proof(binding.device), link->age.bound_ns(binding.device));
+            segment_.set_age(binding.sensor, link->age.proof(binding.device), link->age.bound_ns(binding.device, now_ns));
     const tactiled_grasp grasp = grasping_->state();
     const bool is_busy = grasp.state >= TACTILED_GRIP_CONTACT && grasp.state <= TACTILED_GRIP_SLIPPING;
     for (const auto& link : links_) link->is_busy.store(is_busy, std::memory_order_relaxed);

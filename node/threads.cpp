@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kReadTimeoutMs = 50;  // longest delay of stop() by a thread with a silent device
 constexpr int kMinPauseMs = 50, kMaxPauseMs = 1000;
-constexpr int kRefusals = 3;                         // of an opening for a proof, before the stream ends
+constexpr int kRefusals = 3;                         // an opening for a proof may fail so often before the stream ends
 constexpr std::uint64_t kPipelineNs = 50'000'000;    // a pipeline without a cycle for this time plus two periods hangs
 constexpr std::uint64_t kRunnerNs = 100'000;         // time in which another thread should finish a cycle
 constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // minimum interval of equal log lines about one link
@@ -186,7 +186,7 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
     Complaint refused, disconnected;  // separate, because a device may be refused and disconnected alternately
     int pause_ms = kMinPauseMs;
     bool was_proving = false;  // the link was closed to prove the age, after it had worked
-    int refusals = 0;          // of openings for a proof
+    int refusals = 0;          // openings for a proof that failed in a row
     bool announce = true;      // log "open" immediately; false after a failure: log it once the opening has delivered
     LinkCounts& counts = link.driver->counts;
     while (!stop_.load(std::memory_order_acquire)) {
@@ -233,7 +233,10 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
         }
         // The end of the daemon is not a discontinuity of the link.
         if (!present && !link.is_proving) end_stream(link);
-        link.driver->close();
+        if (link.is_proving)
+            link.driver->interrupt();
+        else
+            link.driver->close();
         if (present) {
             segment_.set_link_state(link.index, TACTILED_LINK_CLOSED);
             break;

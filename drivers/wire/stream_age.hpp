@@ -78,7 +78,10 @@ public:
     // wait-free
     [[nodiscard]] double rate_error() const noexcept { return slope_; }
     // The same as the frames seem to arrive, for a message: a queue that grows has a rate, too. rt: wait-free
-    [[nodiscard]] double rate_of_arrivals() const noexcept { return is_clock_ && time_ns_ > 0 ? x_ / time_ns_ : 0; }
+    [[nodiscard]] double rate_of_arrivals() const noexcept {
+        const double span_ns = time_ns_ - first_.t_ns;
+        return is_clock_ && span_ns > 0 ? (x_ - first_.offset_ns) / span_ns : 0;
+    }
     [[nodiscard]] const Route& route() const noexcept { return route_; }
     // Number of openings that have proved the age. rt: wait-free
     [[nodiscard]] std::uint32_t proofs() const noexcept { return proofs_; }
@@ -186,7 +189,8 @@ inline void StreamAge::begin_again(double error_ns) noexcept {
     up_ = low_ = x_;
     release();
     doubt_ns_ = error_ns;
-    first_ = second_ = {};
+    first_ = {time_ns_, x_};
+    second_ = {};
 }
 
 inline void StreamAge::follow(double step_ns, double advance_ns, bool is_next) noexcept {
@@ -266,7 +270,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
     if (is_polled || (is_direct() && !has_clock(frame) && !(frame.has_sequence && route_.is_assumed))) {
         proof_ = is_polled ? Proof::polled : Proof::direct;
         publish(frame, host_ns, is_polled ? std::max(waited_ns - kJitter_ns, 0.0) : waited_ns);
-        frame.bound_ns = waited_ns;
+        frame.bound_ns = std::max(waited_ns, double(frame.taken_ns - frame.t_ns));
         return;
     }
     // Keeps the order: frames of one read have the same time, and each conversion to the host's clock has an error.

@@ -13,7 +13,7 @@ inline constexpr const char* kLinkCountNames[TACTILED_LINK_COUNTS] = {
     "ring_full", "unbound", "opened",        "open_failed",  "gone",       "overrun",   "bus_error", "restarted"};
 
 double age_ms(const tactiled_sample& s, std::uint64_t now_ns);
-// Returns the largest possible age of the newest frame of sensor `i` when it was read, in ms; NaN if it is not known.
+// Returns the largest possible age of the newest frame of sensor `i`, in ms; NaN if it is not known.
 double age_bound_ms(const Segment& segment, std::uint32_t i);
 // Returns "open", "closed", or "not read" if no daemon runs.
 const char* link_word(const tactiled_link& link, const Liveness& liveness);

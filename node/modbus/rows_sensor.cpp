@@ -118,7 +118,7 @@ double age_bound_ms(S s) noexcept {
 
 constexpr Register kAgeBounds[] = {
     {0, "AGE_BOUND", u16, kMilliseconds,
-     "largest possible age of the newest frame of sensor n when it was read, with the delay of its path; 65534 = that or "
+     "largest possible age of the newest frame of sensor n, with the delay of its path; 65534 = that or "
      "more, or no frame yet",
      age_bound_ms},
 };

@@ -74,8 +74,7 @@ void put_sensors(Page& page, const View& view) {
          &tactiled_sample::sd_torque_Nm);
     page.metric("tactiled_sensor_age_seconds", "gauge", "Age of the newest sample.");
     each([&](const auto& s, const auto& sensor, auto) { page.sample(sensor, ctl::age_ms(s, view.taken_ns) / 1000); });
-    page.metric("tactiled_sensor_age_bound_seconds", "gauge",
-                "Largest possible age of the newest frame when it was read; NaN: not known.");
+    page.metric("tactiled_sensor_age_bound_seconds", "gauge", "Largest possible age of the newest frame; NaN: not known.");
     each([&](const auto&, const auto& sensor, auto i) { page.sample(sensor, ctl::age_bound_ms(*view.segment, i) / 1000); });
     page.metric("tactiled_sensor_rate_hertz", "gauge", "Samples in a second, measured.");
     each([&](const auto& s, const auto& sensor, auto) { page.sample(sensor, double(s.rate_Hz)); });

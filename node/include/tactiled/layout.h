@@ -517,13 +517,13 @@ struct tactiled_sensor {
     /* Since 1.5, so an entry of TACTILED_SENSOR_SIZE_1_3 bytes lacks this field: call tactiled_freshness_of(). */
     uint32_t freshness; /* enum tactiled_freshness; changes */
     /* Since 1.8, so an entry of TACTILED_SENSOR_SIZE_1_5 bytes lacks this field: call tactiled_age_bound_us_of(). */
-    uint32_t age_bound_us; /* largest possible age of the newest frame when it was read from the kernel; changes */
+    uint32_t age_bound_us; /* largest possible age of the newest frame, as of the node record; changes */
 };
 #define TACTILED_SENSOR_SIZE_1_0 216u
 #define TACTILED_SENSOR_SIZE_1_1 416u
 #define TACTILED_SENSOR_SIZE_1_3 544u
 #define TACTILED_SENSOR_SIZE_1_5 548u
-#define TACTILED_AGE_UNBOUNDED 0xFFFFFFFFu /* tactiled_sensor.age_bound_us: that or more, or not known */
+#define TACTILED_AGE_UNBOUNDED 0xFFFFFFFFu /* tactiled_sensor.age_bound_us: the bound is that or larger, or not known */
 
 /* Counters of a link, 32 bits each, wrapping: index of tactiled_link.count. */
 enum tactiled_link_count {

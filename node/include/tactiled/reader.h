@@ -86,7 +86,7 @@ static inline uint32_t tactiled_freshness_of(const struct tactiled_segment* segm
     if (segment->sensor_size < TACTILED_SENSOR_SIZE_1_5) return 0;
     return __atomic_load_n(&tactiled_sensor_of(segment, index)->freshness, __ATOMIC_RELAXED);
 }
-/* Returns the largest possible age of a sensor's newest frame when it was read from the kernel, in us, rounded up;
+/* Returns the largest possible age of a sensor's newest frame, as of the node record, in us, rounded up;
  * TACTILED_AGE_UNBOUNDED if there is no frame yet or if the daemon does not publish the bound (before 1.8). */
 static inline uint32_t tactiled_age_bound_us_of(const struct tactiled_segment* segment, uint32_t index) {
     if (segment->sensor_size < sizeof(struct tactiled_sensor)) return TACTILED_AGE_UNBOUNDED;

@@ -100,10 +100,11 @@ TEST_F(PipelineTest, PublishesTheBoundOfTheAgeWithItsProof) {
     EXPECT_EQ(bound_us(0), TACTILED_AGE_UNBOUNDED) << "no frame yet";
     arrive(100, 0);
     EXPECT_EQ(tactiled_freshness_of(segment.c(), 0), unsigned(TACTILED_BY_CLOCK));
-    EXPECT_LT(bound_us(0), 15'000u);
+    EXPECT_LT(bound_us(0), 25'000u);
     arrive(1, 20);
-    EXPECT_GE(bound_us(0), 20'000u);
-    EXPECT_EQ(bound_us(0), std::uint32_t(std::ceil(links_[0]->age.bound_ns(0) / 1000)));
+    EXPECT_GE(bound_us(0), 30'000u) << "20 ms on the way and 10 ms here";
+    turn(500);
+    EXPECT_GE(bound_us(0), 530'000u) << "no frame since then";
     EXPECT_EQ(bound_us(1), TACTILED_AGE_UNBOUNDED);
 }
 
