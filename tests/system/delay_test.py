@@ -3,6 +3,7 @@
 between them are ptys, connections and a veth pair; each value is the time at which it was measured."""
 import concurrent.futures
 import contextlib
+import json
 import mmap
 import os
 import pathlib
@@ -69,7 +70,7 @@ class Chain:
     def age_ms(self, sample, at_s):
         return (at_s + self.ahead_s - self.began) * 1000 - sample.raw_force_S_N[2] * 1000
 
-    def watch(self, seconds, until=None):
+    def watch(self, seconds, until=None, every_s=0.002):
         """The true age of the oldest GOOD value in ms, and that of the youngest; a wrong value is far from both.
 
         On a busy machine this process may have to wait before or after its read: the value was read, and judged, between
@@ -82,7 +83,7 @@ class Chain:
             if sample.quality == tactiled.GOOD:
                 last_ms = self.age_ms(sample, sample.t_ns * 1e-9) + STALE_MS
                 oldest, youngest = max(oldest, self.age_ms(sample, before_s), last_ms), min(youngest, self.age_ms(sample, after_s))
-            time.sleep(0.002)
+            time.sleep(every_s)
         return oldest, youngest
 
     def quality(self):
@@ -225,6 +226,36 @@ class Depths(Witnessed):
                 for fields, chain, one in zip(FIELDS[1:], chains, of_each(chains, lambda chain: chain.watch(1.5))):
                     self.assert_young(one, (fields, stop_s))
                     self.assertEqual(chain.quality(), tactiled.GOOD, fields)
+
+
+@unittest.skipUnless("MINUTES" in os.environ, "a longer run: MINUTES=60")
+class GrowingQueues(Witnessed):
+    """A gateway that passes on one line per 10 ms of its own timer, behind a device that is faster: the queue grows while
+    time, number and rate look perfect."""
+
+    GATEWAYS = {"discards": ["clear 1"], "keeps": ["keep 1"], "keeps 60": ["keep 1", "cap 60"]}
+    QUEUES = [("sequence+clock", "discards", 200, 200), ("clock", "keeps", 200, 200), ("clock", "keeps 60", 50, 200),
+              ("clock", "discards", 5000, 5000), ("sequence", "discards", 3000, 200), ("sequence", "keeps", 200, 200),
+              ("clock", "pty", 200, 200)]  # fields, gateway, PPM, clock_ppm
+
+    def test_an_old_value_is_never_good(self):
+        seconds = 60 * float(os.environ["MINUTES"])
+        with contextlib.ExitStack() as stack:
+            chains = [Chain(fields, ["tcp:127.0.0.1", "pty" if gateway == "pty" else "tcp:127.0.0.1"], f"clock_ppm = {key}")
+                      for fields, gateway, _, key in self.QUEUES]
+            of_each(chains, stack.enter_context)
+            for chain, (_, gateway, fast, _) in zip(chains, self.QUEUES):
+                chain.tell(f"fast {fast}")
+                for command in [*self.GATEWAYS.get(gateway, []), "pace 0.01"]:
+                    chain.tell(command, 1)
+            seen = of_each(chains, lambda chain: chain.watch(seconds, every_s=0.01))
+            for queue, chain, one in zip(self.QUEUES, chains, seen):
+                status = json.loads(chain.daemon.ctl("status", "--json").stdout)
+                link, sensor = status["links"][0], status["sensors"][0]
+                print(*queue, f"oldest GOOD {one[0]:.0f} ms", {k: link[k] for k in ("frames", "lost", "opened")},
+                      sensor["quality"], f'{sensor["age_bound_ms"]} ms', sep="; ", flush=True)
+            for queue, one in zip(self.QUEUES, seen):
+                self.assert_young(one, queue)
 
 
 @longer

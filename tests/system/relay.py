@@ -9,6 +9,10 @@ reader knows the true age of each value. Commands come as lines on standard inpu
     lag S         each line is passed on S seconds after it came
     hold S        nothing is passed on for S seconds, then all at once
     pause S       the device measures nothing for S seconds
+    pace S        one line is passed on every S seconds, by the relay's own timer; the others wait
+    cap N         at most N lines wait; the oldest ones are lost
+    clear 1       while no client is connected all lines are lost, those that wait, too
+    fast PPM      the device, its clock and its rate, is fast by PPM
     keep 1        while no client is connected lines wait, and come later from then on; until keep 0: those that are due are dropped
     fifo N        N bytes wait in the device while the port takes none, as in the firmware of a USB port; later ones are lost
     lose N        N bytes of the stream are lost, once
@@ -45,18 +49,18 @@ class Device:
     def __init__(self, rate_Hz, fields):
         self.period_s, self.fields, self.n = 1 / rate_Hz, fields, 0
         self.clock_zero_s, self.paused_until, self.ahead_s, self.old_s = 0.0, 0.0, 0.0, 0.0
-        self.clock_unit = 1
+        self.clock_unit, self.fast = 1, 1.0
         self.due = time.monotonic()
         self.past = collections.deque(maxlen=2000)
 
     def lines(self, now):
         while self.due <= now:
-            self.due += self.period_s
+            self.due += self.period_s / self.fast
             if self.due < self.paused_until:
                 continue
             true_s = self.due + self.ahead_s
             cells = [str(self.n)] if "sequence" in self.fields else []
-            content = ["%d" % (int((true_s - self.clock_zero_s) * 1e6 * self.clock_unit) & 0xFFFFFFFF)] if "clock" in self.fields else []
+            content = ["%d" % (int((true_s - self.clock_zero_s) * 1e6 * self.clock_unit * self.fast) & 0xFFFFFFFF)] if "clock" in self.fields else []
             content.append("%.3f" % (true_s * 1000 - float(os.environ["BEGAN_MS"])))
             self.past.append((true_s, content))
             if self.old_s:
@@ -133,12 +137,12 @@ def main(source, sink):
     sink = Sink(sink)
     print(sink.name, flush=True)
     way, rest = collections.deque(), b""
-    state = {"lag": 0.0, "keep": 0.0, "lose": 0.0, "swap": 0.0}
-    held_until, moved_s, late = 0.0, 0.0, None
+    state = {"lag": 0.0, "keep": 0.0, "lose": 0.0, "swap": 0.0, "pace": 0.0, "cap": 0.0, "clear": 0.0}
+    held_until, moved_s, late, paced_until = 0.0, 0.0, None, 0.0
     while True:
         now = time.monotonic()
         until = [device.due] if device else []
-        until += [max(way[0][0], held_until)] if way and (sink.is_open() or not state["keep"]) else []
+        until += [max(way[0][0], held_until, paced_until)] if way and (sink.is_open() or not state["keep"]) else []
         ready = select.select([sys.stdin, *([reader] if reader else []), *sink.fds()], [], [], max(0.0, min(until, default=now + 1) - now))[0]
         now = time.monotonic()
         sink.serve(ready)
@@ -162,6 +166,8 @@ def main(source, sink):
                 sink.fifo_bytes = int(value)
             elif word == "unit":
                 device.clock_unit = int(value)
+            elif word == "fast":
+                device.fast = 1 + value / 1e6
             elif word == "retain":
                 sink.retains = bool(value)
             elif word == "kick":
@@ -185,12 +191,15 @@ def main(source, sink):
             for each in [line] if late is None else [line, late]:
                 way.append((max(now + moved_s + state["lag"], way[-1][0] if way else 0.0), each))
             late = None
-        if state["keep"] and not sink.is_open():  # it goes on where it was, as slowly as before
+        if state["keep"] and not state["pace"] and not sink.is_open():  # it goes on where it was, as slowly as before
             late_s = max(0.0, now - way[0][0]) if way else 0.0
             moved_s += late_s
             way = collections.deque((t + late_s, line) for t, line in way)
-        while way and way[0][0] <= now >= held_until and (sink.is_open() or not state["keep"]):
+        while way and (len(way) > state["cap"] > 0 or (state["clear"] and not sink.is_open())):
+            way.popleft()
+        while way and way[0][0] <= now >= max(held_until, paced_until) and (sink.is_open() or not state["keep"]):
             line = way.popleft()[1]
+            paced_until = max(paced_until + state["pace"], now - state["pace"])
             if state["lose"]:
                 cut = min(len(line), int(state["lose"]))
                 line, state["lose"] = line[cut // 2:len(line) - (cut - cut // 2)], 0.0
