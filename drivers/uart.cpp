@@ -152,6 +152,13 @@ public:
         return by_frames;
     }
     std::string advice() const override { return decoder_ == nullptr ? "" : decoder_->advice(); }
+    std::string proof_advice() const override {
+        const bool has_echo = decoder_ != nullptr && decoder_->has_echo();
+        return std::string(echo_      ? "the device answers no echo"
+                           : has_echo ? "let the device answer echo = true"
+                                      : "let the device send lines, and answer echo = true") +
+               (network_ ? "" : ", or write path = \"direct\" if this is a cable");
+    }
 
     // A connection ends at the device or at its serial server, which discards the data in between. The program behind
     // a pseudo terminal does not notice that it was opened again.

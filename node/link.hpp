@@ -73,8 +73,8 @@ struct Link {
     // The device was opened at `now_ns`, and no frame has been read since. rt: wait-free
     void opened(std::uint64_t now_ns) noexcept {
         ++driver->counts[TACTILED_LINK_OPENED];
+        age.opened(now_ns, is_proving);
         if (!std::exchange(is_proving, false)) ++stream;
-        age.opened(now_ns);
     }
 
     // Used by the reader only, except LinkAge::proof() and bound_ns().

@@ -20,8 +20,9 @@ public:
         devices_.push_back(std::make_unique<Device>(device, stale_ns));
     }
 
-    // The link was opened at `now_ns`, and no frame has been read since. rt: wait-free
-    void opened(std::uint64_t now_ns) noexcept { opened_ns_ = host_ns(now_ns); }
+    // The link was opened at `now_ns`, and no frame has been read since. Only an opening that asks_for_reopening() wanted
+    // may be a proof: its path kept at most the frames of closed_ns(). rt: wait-free
+    void opened(std::uint64_t now_ns, bool is_wanted) noexcept { opened_ns_ = is_wanted ? host_ns(now_ns) : 0; }
 
     // Sets the age of a frame of `driver` that has just been read. rt: wait-free
     void judge(Frame& frame, const Driver& driver) noexcept {
@@ -43,7 +44,6 @@ public:
             if (each->age.trouble_ns() != 0) {
                 each->rate_error.store(each->age.rate_of_arrivals(), std::memory_order_relaxed);
                 each->clock_ppm.store(each->age.route().clock_ppm, std::memory_order_relaxed);
-                each->may_open.store(each->age.route().reopening_discards, std::memory_order_relaxed);
             }
             each->trouble_ns.store(each->age.trouble_ns(), std::memory_order_release);
             return;  // two sensors of one device share one state
@@ -51,22 +51,21 @@ public:
     }
 
     // Returns true once if a proof is due and an opening of the link may be one. `is_busy`: it can wait while the bound
-    // allows. The limit is one opening per second, and less while openings do not end a doubt. rt: wait-free
+    // allows. The limit is one opening per second, and less for a device whose last one proved nothing. rt: wait-free
     [[nodiscard]] bool asks_for_reopening(bool is_busy) noexcept {
-        bool asks = false;
-        std::uint32_t proofs = 0;
+        bool is_granted = false;
         std::uint64_t now = 0;
         for (const auto& each : devices_) {
             if (!each->age.may_ask()) continue;
             if (now == 0) now = host_ns(now_ns());
-            asks = asks || each->age.asks_for_reopening(now, is_busy);
-            proofs += each->age.proofs();
+            if (now < asked_ns_ + each->pause_ns || !each->age.asks_for_reopening(now, is_busy)) continue;
+            const bool helped = each->age.proofs() != each->proofs;
+            each->pause_ns = helped ? kMinPause_ns : std::min(2 * each->pause_ns, kMaxPause_ns);
+            each->proofs = each->age.proofs();
+            is_granted = true;
         }
-        if (!asks || now < asked_ns_ + pause_ns_) return false;
-        pause_ns_ = proofs != proofs_ ? kMinPause_ns : std::min(2 * pause_ns_, kMaxPause_ns);
-        proofs_ = proofs;
-        asked_ns_ = now;
-        return true;
+        if (is_granted) asked_ns_ = now;
+        return is_granted;
     }
 
     // Returns the time for which the link should stay closed before it is reopened. rt: wait-free
@@ -98,7 +97,6 @@ public:
         std::uint64_t lasts_ns = 0;
         double rate_error = 0;  // error of the device's clock as its frames arrive; > 0: slow
         double clock_ppm = 0;
-        bool may_open = false;  // an opening may prove the age
     };
     [[nodiscard]] Trouble trouble() const noexcept {
         Trouble longest;
@@ -108,7 +106,7 @@ public:
             const std::uint64_t now = host_ns(now_ns()), lasts_ns = now - std::min(since_ns, now) + 1;
             if (lasts_ns > longest.lasts_ns)
                 longest = {lasts_ns, each->rate_error.load(std::memory_order_relaxed),
-                           each->clock_ppm.load(std::memory_order_relaxed), each->may_open.load(std::memory_order_relaxed)};
+                           each->clock_ppm.load(std::memory_order_relaxed)};
         }
         return longest;
     }
@@ -120,18 +118,18 @@ private:
         Device(std::uint16_t n, std::uint64_t stale_ns) : number(n), age(stale_ns) {}
         std::uint16_t number;
         StreamAge age;
-        std::atomic<std::uint32_t> proof{0};  // these are written by the link's thread, and read by the pipeline
+        std::uint32_t proofs = 0;               // as of its last request for an opening
+        std::uint64_t pause_ns = kMinPause_ns;  // from the last request of the link to its next one
+        std::atomic<std::uint32_t> proof{0};    // these are written by the link's thread, and read by the pipeline
         std::atomic<double> bound_ns{0};
         std::atomic<std::uint64_t> read_ns{0};  // when the frame of bound_ns was read
         std::atomic<std::uint64_t> trouble_ns{0};
         std::atomic<double> rate_error{0}, clock_ppm{0};
-        std::atomic<bool> may_open{false};
     };
     std::vector<std::unique_ptr<Device>> devices_;
     std::uint32_t opened_ = ~0u;
-    std::uint64_t opened_ns_ = 0;                           // host time of the opening; 0: unknown
-    std::uint32_t proofs_ = 0;                              // those of all devices, as of the last request
-    std::uint64_t asked_ns_ = 0, pause_ns_ = kMinPause_ns;  // last request, and the time until the next one
+    std::uint64_t opened_ns_ = 0;  // host time of an opening that was wanted; 0: of another one
+    std::uint64_t asked_ns_ = 0;   // last request
 };
 
 }  // namespace tactiled

@@ -67,12 +67,11 @@ public:
         const double share = std::abs(trouble.rate_error);
         const std::string rate =
             share * 1e6 > trouble.clock_ppm && share < 0.02
-                ? fmt::format("; the device's clock is {:.2f} % {}: write clock_ppm = {:.0f}", 100 * share,
+                ? fmt::format("; if the device's clock is {:.2f} % {}, write clock_ppm = {:.0f}", 100 * share,
                               trouble.rate_error > 0 ? "slow" : "fast", std::min(std::ceil(share * 1200) * 1000, 20'000.0))
                 : "";
-        log_line(LogLevel::warning,
-                 "link \"{}\": no frame has proved its age for {} s{}; let the device answer echo = true{}", link.name,
-                 kDoubtNs / 1'000'000'000, rate, trouble.may_open ? "" : ", or write path = \"direct\" if this is a cable");
+        log_line(LogLevel::warning, "link \"{}\": no frame has proved its age for {} s{}; {}", link.name,
+                 kDoubtNs / 1'000'000'000, rate, link.driver->proof_advice());
     }
 
 private:
@@ -197,6 +196,7 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
         }
         if (!wrong.empty()) {
             end_stream(link);
+            was_proving = false;
             segment_.set_link_count(link.index, TACTILED_LINK_OPEN_FAILED, ++counts[TACTILED_LINK_OPEN_FAILED]);
             segment_.set_link_count(link.index, TACTILED_LINK_RESTARTED, counts[TACTILED_LINK_RESTARTED]);  // by open()
             refused.about(link.name, wrong);
@@ -233,25 +233,22 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
         }
         // The end of the daemon is not a discontinuity of the link.
         if (!present && !link.is_proving) end_stream(link);
-        if (link.is_proving)
-            link.driver->interrupt();
-        else
-            link.driver->close();
-        if (present) {
-            segment_.set_link_state(link.index, TACTILED_LINK_CLOSED);
-            break;
-        }
+        if (present) break;
         if (link.is_proving) {
             was_proving = true;
+            link.driver->interrupt();
             pause(int(link.age.closed_ns() / 1'000'000), cycles);
             continue;
         }
+        link.driver->close();
         announce = worked;
         if (counts[TACTILED_LINK_FRAMES] != frames && monotonic_ns() - opened_ns >= kPresentNs) pause_ms = kMinPauseMs;
         disconnected.about(link.name, "the device is disconnected; waiting for it to return");
         pause(pause_ms, cycles);
         pause_ms = std::min(2 * pause_ms, kMaxPauseMs);
     }
+    link.driver->close();
+    segment_.set_link_state(link.index, TACTILED_LINK_CLOSED);
 }
 
 void Threads::run_pipeline(std::uint64_t period_ns, Progress::Liveness& wakes) noexcept {

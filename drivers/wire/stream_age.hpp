@@ -37,7 +37,7 @@ public:
     // `stale_ns`: the age at which a value cannot be used.
     explicit StreamAge(std::uint64_t stale_ns) : stale_ns_(double(stale_ns)) {}
 
-    // The link was opened at `opened_ns` of the host's time, 0 = unknown. rt: wait-free
+    // The link was opened. `opened_ns`: the host's time, if it was opened to prove the age, else 0. rt: wait-free
     void open(const Route& route, std::uint64_t opened_ns = 0) noexcept {
         const bool is_other = route.path != route_.path || route.clock_ppm != route_.clock_ppm;
         if (is_other || route.is_new || proof_ == Proof::unknown) *this = fresh();
@@ -66,8 +66,7 @@ public:
     // True if a proof is due, too. `is_busy`: it can wait while the bound allows. rt: wait-free
     [[nodiscard]] bool asks_for_reopening(std::uint64_t host_ns, bool is_busy) const noexcept {
         if (trouble_ns_ != 0) return double(std::int64_t(host_ns - trouble_ns_)) > stale_ns_ / 4;
-        const double due_ns = std::clamp(2 * period_ns_, stale_ns_ / 2, stale_ns_ * 3 / 4);
-        return proof_ != Proof::arrival && error_ns() > due_ns + (is_busy ? stale_ns_ / 8 : 0);
+        return proof_ != Proof::arrival && error_ns() > due_ns() + (is_busy ? stale_ns_ / 8 : 0);
     }
     // Time for which the link should stay closed, so that the missing frames are a gap of four. rt: wait-free
     [[nodiscard]] std::uint64_t closed_ns() const noexcept {
@@ -77,13 +76,13 @@ public:
     // Returns the error of the device's clock that two proofs have measured, as a fraction, > 0: slow; 0 if unknown. rt:
     // wait-free
     [[nodiscard]] double rate_error() const noexcept { return slope_; }
-    // The same as the frames seem to arrive, for a message: a queue that grows has a rate, too. rt: wait-free
+    // The same as the frames arrive, for a message: a queue that grows has a rate, too. rt: wait-free
     [[nodiscard]] double rate_of_arrivals() const noexcept {
         const double span_ns = time_ns_ - first_.t_ns;
         return is_clock_ && span_ns > 0 ? (x_ - first_.offset_ns) / span_ns : 0;
     }
     [[nodiscard]] const Route& route() const noexcept { return route_; }
-    // Number of openings that have proved the age. rt: wait-free
+    // Number of openings that have made the error small. rt: wait-free
     [[nodiscard]] std::uint32_t proofs() const noexcept { return proofs_; }
 
 private:
@@ -93,7 +92,7 @@ private:
     static constexpr double kFirst_ns = 10e6;
     // A device's clock is at most this plus the silence when its first frame comes after a restart.
     static constexpr double kBegun_ns = 0.5e9;
-    static constexpr double kMaxRate = 0.02;                    // a ceramic resonator; a larger slope is no rate
+    static constexpr double kMaxRate = 0.02;                    // a larger slope is no rate; an interval by arrivals
     static constexpr double kWander = 0.1;                      // share of a rate that changes with the temperature
     static constexpr double kSpan_ns = 3600e9;                  // the rate is that of the last one to two hours
     static constexpr double kMean_ns = 5e9, kLearn_ns = 0.5e9;  // memory of the mean interval, and its first measurement
@@ -106,15 +105,22 @@ private:
         bool is_set = false;
     };
 
+    struct Count {
+        double t_ns = 0, frames = 0, error_ns = 0;
+        bool is_set = false;
+    };
+
     [[nodiscard]] StreamAge fresh() const noexcept { return StreamAge(std::uint64_t(stale_ns_)); }
     // If the clock is faster than stated, x falls below the lower limit, and the rate may be wrong by as much again.
     [[nodiscard]] double error_ns() const noexcept { return std::abs(up_ - low_) + doubt_ns_; }
+    [[nodiscard]] double due_ns() const noexcept { return std::clamp(2 * period_ns_, stale_ns_ / 2, stale_ns_ * 3 / 4); }
     [[nodiscard]] bool has_clock(const Frame& frame) const noexcept {
         return route_.device_clock && frame.device_time_us != 0;
     }
     [[nodiscard]] bool is_direct() const noexcept { return route_.path == Route::Path::direct; }
     [[nodiscard]] double step_by_clock(const Frame& frame, double step_ns) noexcept;
     [[nodiscard]] double step_by_number(const Frame& frame, double step_ns) noexcept;
+    [[nodiscard]] double frames_since(const Frame& frame) const noexcept;
     void begin(const Frame& frame, std::uint64_t host_ns, double silence_ns) noexcept;
     void advance(const Frame& frame, std::uint64_t host_ns, double step_ns) noexcept;
     void begin_again(double error_ns) noexcept;
@@ -125,7 +131,7 @@ private:
     }
     void test_opening(const Frame& frame, double advance_ns, double limit_ns, double host_ns) noexcept;
     void prove(double delay_ns) noexcept;
-    void measure_interval() noexcept;
+    void measure_interval(double delay_ns) noexcept;
     void learn(double step_ns, double frames) noexcept;
     void publish(Frame& frame, std::uint64_t host_ns, double waited_ns) noexcept;
 
@@ -133,9 +139,9 @@ private:
     double stale_ns_;
     Proof proof_ = Proof::unknown;
     bool has_frame_ = false, is_opened_ = false, is_clock_ = false;
-    // x has risen at once, as frames do that were held; their lag lasts until x falls below this, and no opening ends it.
+    // x has risen at once, as if frames were held or come again: until it falls below this, no opening or cable is a proof.
     double held_ns_ = kNone_ns;
-    bool keeps_ = false;  // an opening lost no frame and made the lag longer; until then, no other one is asked for
+    bool keeps_ = false;  // an opening was the cause: until then, no other one is asked for
     std::uint32_t proofs_ = 0;
     std::uint64_t opened_ns_ = 0, trouble_ns_ = 0;
     std::uint64_t host_ns_ = 0, t_ns_ = 0;  // of the previous frame
@@ -144,8 +150,10 @@ private:
     double doubt_ns_ = 0;                            // error since the clock began again, until a proof
     double slope_ = 0, drift_ = 0;                   // rate of the offset, and its uncertainty
     Anchor first_, second_;
-    double period_ns_ = 0, frames_ = 0;   // mean interval of the frames, and how many it is from
-    double proved_ns_ = 0, counted_ = 0;  // time_ns_ of a proof, and the frames since then
+    double period_ns_ = 0, frames_ = 0;  // mean interval of the frames, and how many it is from
+    double counted_ = 0;                 // frames
+    Count last_, base_;                  // the last proof, and the first one since which the interval is the same
+    double span_interval_ns_ = 0;        // mean interval between the last two proofs; 0: not measured
 };
 
 // Returns the advance of the device's time since the previous frame, by its clock of 32 bits.
@@ -159,10 +167,15 @@ inline double StreamAge::step_by_clock(const Frame& frame, double step_ns) noexc
     return advance_ns;
 }
 
+// Returns the frames since the previous one, by its number.
+inline double StreamAge::frames_since(const Frame& frame) const noexcept {
+    const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;
+    return (frame.sequence - sequence_) & mask;
+}
+
 // Returns the same by the number of frames. Only a pause counts while the mean interval is being measured.
 inline double StreamAge::step_by_number(const Frame& frame, double step_ns) noexcept {
-    const std::uint32_t mask = frame.sequence_bits >= 32 ? ~0u : (1u << frame.sequence_bits) - 1;
-    const double frames = !frame.has_sequence ? 1 : is_opened_ ? (frame.sequence - sequence_) & mask : 1.0 + frame.lost;
+    const double frames = !frame.has_sequence ? 1 : is_opened_ ? frames_since(frame) : 1.0 + frame.lost;
     counted_ += frames;
     if (period_ns_ <= 0) {
         learn(step_ns, frames);
@@ -174,7 +187,9 @@ inline double StreamAge::step_by_number(const Frame& frame, double step_ns) noex
     const bool is_learned = frames_ * period_ns_ > kLearn_ns;
     // Neither a pause that makes a doubt nor the frames that end it are the device's rate.
     const bool is_regular = std::abs(excess_ns) < advance_ns / 2 || !is_learned;
-    if (!is_opened_ && (is_regular || x_ + excess_ns - up_ + error_ns() < stale_ns_)) learn(step_ns, frames);
+    // A queue that grows stretches the interval of arrivals, but not that between proofs.
+    if (!is_opened_ && span_interval_ns_ <= 0 && (is_regular || x_ + excess_ns - up_ + error_ns() < stale_ns_))
+        learn(step_ns, frames);
     return is_learned || is_pause || is_opened_ ? advance_ns : step_ns;
 }
 
@@ -200,37 +215,45 @@ inline void StreamAge::follow(double step_ns, double advance_ns, bool is_next) n
         return begin_again(error_ns() + up_ - x_);
     if (!is_clock_) x_ = std::max(x_, low_);  // a burst of the device gives no credit for a later lag
     up_ = std::min(up_, x_);
-    held_ns_ += (slope_ - (is_direct() ? 0 : drift_)) * step_ns;
-    if (x_ < held_ns_) release();
     const double risen_ns = step_ns - advance_ns - (slope_ + drift_) * step_ns;
+    if (std::abs(risen_ns) > kJitter_ns / 2 && !first_.is_set) first_.offset_ns += risen_ns;  // no rate
+    const double by_rate = is_direct() ? 0 : keeps_ ? -drift_ : route_.clock_ppm * 1e-6;      // a rate may look like a lag
+    held_ns_ += (slope_ + by_rate) * step_ns;
+    if (x_ < held_ns_) release();
     const bool is_held = (is_clock_ || is_direct()) && risen_ns > kJitter_ns / 2 && !(is_next && advance_ns < -kJitter_ns);
     if (is_held && held_ns_ <= kNone_ns) held_ns_ = x_ - risen_ns / 2;
 }
 
-// The first frame after an opening. If the frames of the time in which the link was closed are missing, the path keeps
-// none, and this one has passed it since the opening.
+// The first frame after an opening for a proof. If the frames of the time in which the link was closed are missing, the
+// path keeps none, and this one has passed it since the opening.
 inline void StreamAge::test_opening(const Frame& frame, double advance_ns, double limit_ns, double host_ns) noexcept {
     const double closed_ns = double(opened_ns_) - double(host_ns_);
-    const bool is_counted = is_clock_ || frame.has_sequence;
-    const bool is_kept = is_counted && advance_ns < std::max(closed_ns / 2, 1.5 * period_ns_);
-    keeps_ = is_kept && held_ns_ > kNone_ns;
-    if (is_kept || (is_counted && advance_ns > limit_ns) || held_ns_ > kNone_ns) return;
-    const double delay_ns = host_ns - double(opened_ns_);
+    double delay_ns = host_ns - double(opened_ns_);
+    if (held_ns_ > kNone_ns) {
+        keeps_ = advance_ns < closed_ns / 2;
+        return;
+    }
+    if (is_clock_ || frame.has_sequence) {
+        // A number shows that frames are missing even if the device has paused.
+        const bool is_gap = frame.has_sequence ? frames_since(frame) >= 2 : advance_ns >= 1.5 * period_ns_;
+        if (!is_gap || advance_ns < closed_ns / 2 || advance_ns > limit_ns) return;
+        delay_ns += std::max(closed_ns - advance_ns, 0.0);  // the path may have kept the last ones
+    }
     if (!is_clock_) begin_again(delay_ns);
     prove(delay_ns);
-    ++proofs_;
+    if (error_ns() < due_ns()) ++proofs_;
 }
 
 // This frame has been on its way for at most `delay_ns`.
 inline void StreamAge::prove(double delay_ns) noexcept {
-    if (delay_ns < 0) return;  // a damaged answer
+    if (delay_ns < 0 || delay_ns > x_ - up_ + error_ns()) return;  // a damaged answer, or it shows nothing new
     const bool contradicts = x_ - delay_ns > up_ || up_ < low_ || doubt_ns_ > 0;
     doubt_ns_ = 0;
     low_ = contradicts ? x_ - delay_ns : std::max(low_, x_ - delay_ns);
     up_ = contradicts ? x_ : up_;
     low_ = std::min(low_, up_);
     release();
-    if (!is_clock_) return measure_interval();
+    if (!is_clock_) return measure_interval(delay_ns);
     const Anchor now{time_ns_, (up_ + low_) / 2, is_direct() ? kJitter_ns / 2 : (up_ - low_) / 2, true};
     if (!first_.is_set) first_ = now;
     const double span_ns = now.t_ns - first_.t_ns;
@@ -251,15 +274,23 @@ inline void StreamAge::prove(double delay_ns) noexcept {
     if (span_ns > kSpan_ns) first_ = std::exchange(second_, {});
 }
 
-// The frames between two proofs and the time between them give the mean interval of the device, whatever the path does.
-inline void StreamAge::measure_interval() noexcept {
-    const double span_ns = time_ns_ - proved_ns_;
-    if (span_ns < kLearn_ns || counted_ <= 0) return;
-    period_ns_ = span_ns / counted_;
-    frames_ = std::min(counted_, frames_);
-    proved_ns_ = time_ns_;
-    counted_ = 0;
-    drift_ = is_direct() ? kMaxRate : route_.clock_ppm * 1e-6;
+// The frames between two proofs and the time between them give the mean interval of the device, whatever the path does. As
+// long as a span agrees with those before it, all of them count; else the shorter one of two, because a pause makes a span
+// longer.
+inline void StreamAge::measure_interval(double delay_ns) noexcept {
+    const Count now{time_ns_, counted_, delay_ns, true};
+    if (!last_.is_set) base_ = last_ = now;
+    const double span_ns = now.t_ns - last_.t_ns, all_ns = now.t_ns - base_.t_ns;
+    if (span_ns < kLearn_ns || now.frames <= last_.frames) return;
+    const double interval_ns = span_ns / (now.frames - last_.frames), error = (delay_ns + last_.error_ns) / span_ns;
+    const double mean_ns = all_ns / (now.frames - base_.frames), mean_error = (delay_ns + base_.error_ns) / all_ns;
+    const double before_ns = span_interval_ns_ > 0 ? span_interval_ns_ : period_ns_;
+    const bool agrees = span_interval_ns_ > 0 && std::abs(interval_ns - mean_ns) <= (error + mean_error) * mean_ns;
+    period_ns_ = agrees ? mean_ns : std::min(interval_ns, before_ns);
+    drift_ = is_direct() ? kMaxRate : route_.clock_ppm * 1e-6 + (agrees ? mean_error : error);
+    if (!agrees || all_ns > kSpan_ns) base_ = last_;
+    span_interval_ns_ = interval_ns;
+    last_ = now;
 }
 
 inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t asked_ns) noexcept {
@@ -277,8 +308,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
     if (has_frame_) host_ns = std::max(host_ns, host_ns_);
     const bool repeats = frame.has_sequence ? frame.sequence == sequence_
                                             : has_clock(frame) && std::uint32_t(frame.device_time_us) == device_us_;
-    // A frame without the device's time, or the last frame again, which servers send to each new client.
-    if ((is_clock_ && !has_clock(frame)) || (has_frame_ && is_opened_ && repeats)) {
+    if (has_frame_ && is_opened_ && repeats) {  // the last frame again, which servers send to each new client
         frame.age = Frame::Age::unproved;
         frame.bound_ns = kUnbounded_ns;
         return;
@@ -314,10 +344,13 @@ inline void StreamAge::begin(const Frame& frame, std::uint64_t host_ns, double s
     // Until a number's interval was measured between two proofs, it may be that of a queue that grows.
     const bool is_unknown = is_direct() || (proof_ == Proof::sequence && route_.reopening_discards);
     drift_ = proof_ == Proof::arrival ? 0 : is_unknown ? kMaxRate : route_.clock_ppm * 1e-6;
-    const bool is_known = route_.reopening_discards && opened_ns_ != 0;
-    const double first_ns = is_known ? double(host_ns - opened_ns_) : std::min(kFirst_ns, stale_ns_ / 4);
-    begin_again(has_frame_ ? silence_ns + x_ - up_ + error_ns() : first_ns);
-    if (!has_frame_) prove(first_ns);
+    begin_again(has_frame_ ? silence_ns + x_ - up_ + error_ns() : 0);
+    if (has_frame_) return;
+    // The first frames may have waited. Where an opening can show that, no other proof counts.
+    if (route_.reopening_discards && proof_ != Proof::arrival)
+        doubt_ns_ = 2 * stale_ns_;
+    else
+        low_ = x_ - std::min(kFirst_ns, stale_ns_ / 4);
 }
 
 inline void StreamAge::advance(const Frame& frame, std::uint64_t host_ns, double step_ns) noexcept {
@@ -333,14 +366,13 @@ inline void StreamAge::advance(const Frame& frame, std::uint64_t host_ns, double
     const bool is_next = frame.has_sequence && !is_opened_ && frame.sequence == sequence_ + 1 + frame.lost;
     if (has_begun) {  // the device has restarted
         begin_again(bound_ns + step_ns);
-        proved_ns_ = time_ns_;
-        counted_ = 0;
+        last_ = {};
+        span_interval_ns_ = 0;
     } else if (is_clock_ && advance_ns < 0 && is_direct())
         begin_again(bound_ns + step_ns);  // its clock was set back; a network may send old frames again
     else
         follow(step_ns, advance_ns, is_next);
-    if (is_opened_ && !has_begun && route_.reopening_discards && opened_ns_ != 0)
-        test_opening(frame, advance_ns, most_ns, double(host_ns));
+    if (is_opened_ && !has_begun && opened_ns_ != 0) test_opening(frame, advance_ns, most_ns, double(host_ns));
 }
 
 inline void StreamAge::publish(Frame& frame, std::uint64_t host_ns, double waited_ns) noexcept {
@@ -349,7 +381,7 @@ inline void StreamAge::publish(Frame& frame, std::uint64_t host_ns, double waite
     const auto back_ns = std::uint64_t(std::max(late_ns, is_bounded ? bound_ns - stale_ns_ / 2 : 0));
     const std::uint64_t measured_ns = frame.taken_ns > back_ns ? frame.taken_ns - back_ns : 0;
     frame.late_ns = std::uint64_t(late_ns);
-    frame.bound_ns = bound_ns;
+    frame.bound_ns = proof_ == Proof::arrival ? kUnbounded_ns : bound_ns;
     frame.t_ns = std::max(std::min(frame.t_ns, measured_ns), std::min(t_ns_, frame.t_ns));
     frame.age = !is_bounded                ? Frame::Age::unproved
                 : proof_ == Proof::arrival ? Frame::Age::arrival_only

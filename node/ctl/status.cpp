@@ -43,7 +43,7 @@ const char* freshness_of(const Segment& segment, std::uint32_t i) {
 std::string age_line(const Segment& segment, std::uint32_t i) {
     const double bound_ms = age_bound_ms(segment, i);
     return fmt::format("age of {}: proved by {}{}\n", segment.sensor(i).name, freshness_of(segment, i),
-                       std::isfinite(bound_ms) ? fmt::format(", at most {:.1f} ms when read", bound_ms) : "");
+                       std::isfinite(bound_ms) ? fmt::format(", at most {:.1f} ms", bound_ms) : "");
 }
 
 // Returns the number of samples with each reason since the start.

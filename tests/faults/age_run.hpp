@@ -44,7 +44,7 @@ public:
     AgeRun(const AgeScene& scene, std::uint64_t seed)
         : scene_(scene), random_(seed), age_(std::uint64_t(scene.stale_s * 1e9)) {
         clock_s_ = 0.2 + uniform() * 4000;
-        open();
+        open(0);
     }
 
     AgeTally run(double seconds) {
@@ -78,9 +78,14 @@ private:
     double uniform() { return double(random_() >> 11) * 0x1p-53; }
     [[nodiscard]] std::uint64_t ns(double t_s) const { return std::uint64_t(t_s * 1e9); }
 
-    void open() {
+    void open(std::uint64_t wanted_ns) {
         const Route::Path path = scene_.is_cable ? Route::Path::direct : Route::Path::network;
-        age_.open({path, true, scene_.tcp, scene_.declared_ppm, scene_.is_cable}, ns(now_s_));
+        age_.open({.path = path,
+                   .device_clock = true,
+                   .reopening_discards = scene_.tcp,
+                   .clock_ppm = scene_.declared_ppm,
+                   .is_assumed = scene_.is_cable},
+                  wanted_ns);
         is_first_ = true;
     }
 
@@ -151,19 +156,20 @@ private:
         age_.judge(frame, frame.taken_ns, frame.asked_ns);
         const bool is_late = double(std::max(frame.late_ns, frame.taken_ns - frame.t_ns)) * 1e-9 > scene_.stale_s;
         const bool is_good = !is_late && frame.age != Frame::Age::unproved;
-        const double true_s = at_s - item.measured_s, lasts_s = std::min(at_s - last_s_, scene_.stale_s);
+        // A reader sees the frame before this one until now, or until it is stale.
+        const double lasts_s = std::min(at_s - last_s_, scene_.stale_s);
+        if (was_young_) tally.young_s += lasts_s;
+        if (was_young_ && !was_good_) tally.doubt_s += lasts_s;
+        if (was_old_) tally.old_s += std::max(lasts_s, 1e-4);
+        const double true_s = at_s - item.measured_s;
+        const bool is_young = true_s < scene_.stale_s;
+        if (is_young && !is_good && was_good_) ++tally.doubts;
+        was_old_ = is_good && true_s > scene_.stale_s + 0.05;
+        if (was_old_) tally.oldest_s = std::max(tally.oldest_s, true_s);
+        was_young_ = is_young;
+        was_good_ = is_good;
         last_s_ = at_s;
         ++tally.frames;
-        if (true_s < scene_.stale_s) tally.young_s += lasts_s;
-        if (is_good && true_s > scene_.stale_s + 0.05) {
-            tally.old_s += lasts_s;
-            tally.oldest_s = std::max(tally.oldest_s, true_s);
-        }
-        if (!is_good && true_s < scene_.stale_s) {
-            tally.doubt_s += lasts_s;
-            if (was_good_) ++tally.doubts;
-        }
-        was_good_ = is_good;
     }
 
     // The link's thread.
@@ -175,10 +181,7 @@ private:
         opening_s_ = now_s_;
         ++tally.openings;
         closed_until_s_ = now_s_ + double(age_.closed_ns()) * 1e-9 + 0.002;
-        const double now = now_s_;
-        now_s_ = closed_until_s_;
-        open();
-        now_s_ = now;
+        open(ns(closed_until_s_));
     }
 
     AgeScene scene_;
@@ -190,7 +193,7 @@ private:
     double echo_asked_s_ = 0, echo_answered_s_ = 0;
     double closed_until_s_ = 0, opening_s_ = -1e9, pause_s_ = 1;
     std::uint32_t proofs_ = 0, number_ = 0, before_ = 0, answered_us_ = 0;
-    bool is_first_ = true, was_good_ = true;
+    bool is_first_ = true, was_good_ = true, was_young_ = true, was_old_ = false;
 };
 
 }  // namespace tactiled::faults

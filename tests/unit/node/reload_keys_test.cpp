@@ -69,7 +69,7 @@ public:
     }
     void start(std::uint64_t now_ns) {
         for (Sensor& sensor : node_.sensors) sensor.start(7, now_ns);
-        node_.links.front()->age.opened(now_ns);
+        node_.links.front()->age.opened(now_ns, true);
     }
     void reload(const std::string& keys) {
         Daemon fresh(keys);
