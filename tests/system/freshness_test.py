@@ -185,6 +185,7 @@ class Freshness(unittest.TestCase):
             self.assertLess(rig.node.info("s").age_bound_us, STALE_MS * 1000)
             rig.bridge.paused = True
             wait_for(lambda: rig.latest().quality == tactiled.BAD, 5, "the end of the frames")
+            time.sleep(0.3)
             began = time.monotonic()
             bounds_ms = [rig.node.info("s").age_bound_us / 1000]  # it grows with the age of the last frame
             bounds_ms.append(json.loads(rig.daemon.ctl("status", "--json").stdout)["sensors"][0]["age_bound_ms"])

@@ -82,6 +82,7 @@ class Values(WebCase):
             for player in daemon.others:
                 player.kill()  # the bound grows with the age of the last frame
             wait_for(quality_is(daemon, "bad"), 5, "the end of the frames")
+            time.sleep(0.3)
             status = web.status()
             jsonschema.validate(status, SCHEMA)
             began = time.monotonic()
