@@ -274,9 +274,8 @@ inline void StreamAge::prove(double delay_ns) noexcept {
     if (span_ns > kSpan_ns) first_ = std::exchange(second_, {});
 }
 
-// The frames between two proofs and the time between them give the mean interval of the device, whatever the path does. As
-// long as a span agrees with those before it, all of them count; else the shorter one of two, because a pause makes a span
-// longer.
+// The frames between two proofs and the time between them give the mean interval of the device, whatever the path does. All
+// spans count that agree; else the shorter one of the last two, because a pause makes a span longer.
 inline void StreamAge::measure_interval(double delay_ns) noexcept {
     const Count now{time_ns_, counted_, delay_ns, true};
     if (!last_.is_set) base_ = last_ = now;
@@ -346,7 +345,7 @@ inline void StreamAge::begin(const Frame& frame, std::uint64_t host_ns, double s
     drift_ = proof_ == Proof::arrival ? 0 : is_unknown ? kMaxRate : route_.clock_ppm * 1e-6;
     begin_again(has_frame_ ? silence_ns + x_ - up_ + error_ns() : 0);
     if (has_frame_) return;
-    // The first frames may have waited. Where an opening can show that, no other proof counts.
+    // The first frames may have waited, which an opening can show.
     if (route_.reopening_discards && proof_ != Proof::arrival)
         doubt_ns_ = 2 * stale_ns_;
     else
