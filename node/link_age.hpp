@@ -112,7 +112,8 @@ public:
     }
 
 private:
-    static constexpr std::uint64_t kMinPause_ns = 1'000'000'000, kMaxPause_ns = 60'000'000'000;
+    static constexpr std::uint64_t kMinPause_ns = 1'000'000'000,
+                                   kMaxPause_ns = 8'000'000'000;  // a doubt ends within 10 s of its cause
 
     struct Device {
         Device(std::uint16_t n, std::uint64_t stale_ns) : number(n), age(stale_ns) {}

@@ -65,6 +65,9 @@ public:
         tally.seconds += seconds;
         return tally;
     }
+    [[nodiscard]] double now_s() const { return now_s_; }
+    // Whether the newest frame is GOOD.
+    [[nodiscard]] bool is_good() const { return was_good_; }
     AgeTally tally;
 
 private:
@@ -177,7 +180,7 @@ private:
         const std::uint64_t now_ns = ns(now_s_);
         if (now_s_ < closed_until_s_ || !age_.may_ask() || now_s_ < opening_s_ + pause_s_) return;
         if (!age_.asks_for_reopening(now_ns, false)) return;
-        pause_s_ = std::exchange(proofs_, age_.proofs()) != age_.proofs() ? 1 : std::min(2 * pause_s_, 60.0);
+        pause_s_ = std::exchange(proofs_, age_.proofs()) != age_.proofs() ? 1 : std::min(2 * pause_s_, 8.0);
         opening_s_ = now_s_;
         ++tally.openings;
         closed_until_s_ = now_s_ + double(age_.closed_ns()) * 1e-9 + 0.002;

@@ -114,5 +114,41 @@ TEST(Age, HonestDevicesAreGood) {
         }
 }
 
+// ---- stalls --------------------------------------------------------------------------------------------------------------
+
+// The first 30 s of each minute: about once a second, the device pauses or the path holds its frames, for 30 to 1500 ms.
+TEST(Age, GoodWithinTenSecondsAfterStallsOfDeviceAndPath) {
+    const int episodes = int(setting("EPISODES", 30));
+    for (const char* path : {"clock, TCP", "number, TCP", "clock, pty, echo", "number, pty, echo"}) {
+        const std::string_view on = path;
+        std::mt19937_64 random(std::uint64_t(setting("SEED", 1)));
+        const auto uniform = [&](double a, double b) { return a + (b - a) * double(random() >> 11) * 0x1p-53; };
+        double hold_from_s = 0, hold_until_s = 0;
+        const auto stalls = [&](double t_s) { return std::fmod(t_s, 60) < 30 && uniform(0, 1) < 0.005; };
+        AgeScene scene{.clock = on.starts_with("clock"), .tcp = on.ends_with("TCP"), .echo = on.ends_with("echo")};
+        scene.interval = [&](double t_s) { return stalls(t_s) ? uniform(0.03, 1.5) : 0.01; };
+        scene.hold = [&](double t_s) {
+            if (t_s > hold_until_s && stalls(t_s)) hold_from_s = t_s, hold_until_s = t_s + uniform(0.03, 1.5);
+            return t_s >= hold_from_s && t_s < hold_until_s ? hold_until_s : 0.0;
+        };
+        AgeRun run(scene, random());
+        int late = 0;
+        double longest_s = 0;
+        for (int i = 0; i < episodes; ++i) {
+            run.run(30 + 60 - std::fmod(run.now_s() + 60, 60));  // until the stalls have ended
+            double s = 0;
+            for (; s < 20 && (s == 0 || !run.is_good()); s += 0.1) run.run(0.1);
+            longest_s = std::max(longest_s, s);
+            late += s > 10;
+            run.run(std::max(0.0, 29 - s));
+        }
+        fmt::print("{}: GOOD within {:.1f} s of the end of {} times 30 s of stalls, {} later than 10 s; old {:.1f} s\n",
+                   path, longest_s, episodes, late, run.tally.old_s);
+        EXPECT_EQ(late, 0) << path;
+        // Numbers count a burst of old frames in intervals that the pauses have made longer.
+        if (scene.clock) EXPECT_EQ(run.tally.old_s, 0) << path;
+    }
+}
+
 }  // namespace
 }  // namespace tactiled::faults

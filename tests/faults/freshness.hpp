@@ -210,7 +210,7 @@ private:
         const std::uint64_t now_ns = host_ns(now_s_);
         if (!age_.may_ask() || !age_.asks_for_reopening(now_ns, false) || now_ns < asked_ns_ + pause_ns_) return;
         const bool helped = std::exchange(proofs_, age_.proofs()) != age_.proofs();
-        pause_ns_ = helped ? 1'000'000'000 : std::min<std::uint64_t>(2 * pause_ns_, 60'000'000'000);
+        pause_ns_ = helped ? 1'000'000'000 : std::min<std::uint64_t>(2 * pause_ns_, 8'000'000'000);
         asked_ns_ = now_ns;
         ++tally.reopened;
         reopen(true);
