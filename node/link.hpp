@@ -70,10 +70,11 @@ struct Link {
 
     // Used by the reader only.
     std::uint64_t read_ns = 0, read_interval_ns = UINT64_MAX;  // end of the last burst, and time between the last two
-    // The device was opened at `now_ns`, and no frame has been read since. rt: wait-free
-    void opened(std::uint64_t now_ns) noexcept {
+    // The device was opened at `now_ns`, and no frame has been read since. `is_wanted`: it was closed to prove the age.
+    // rt: wait-free
+    void opened(std::uint64_t now_ns, bool is_wanted) noexcept {
         ++driver->counts[TACTILED_LINK_OPENED];
-        age.opened(now_ns, is_proving);
+        age.opened(now_ns, is_wanted);
         if (!std::exchange(is_proving, false)) ++stream;
     }
 

@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kReadTimeoutMs = 50;  // longest delay of stop() by a thread with a silent device
 constexpr int kMinPauseMs = 50, kMaxPauseMs = 1000;
-constexpr int kRefusals = 3;                         // an opening for a proof may fail so often before the stream ends
+constexpr int kRefusals = 20;  // a server may need a second to end the connection that was closed for a proof
 constexpr std::uint64_t kPipelineNs = 50'000'000;    // a pipeline without a cycle for this time plus two periods hangs
 constexpr std::uint64_t kRunnerNs = 100'000;         // time in which another thread should finish a cycle
 constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // minimum interval of equal log lines about one link
@@ -206,14 +206,14 @@ void Threads::run_link(Link& link, Progress::Liveness& cycles) noexcept {
         }
         announce = announce && !link.is_proving;
         refusals = 0;
-        link.opened(monotonic_ns());
+        link.opened(monotonic_ns(), was_proving);
         if (announce) log_line(LogLevel::info, "link \"{}\": open", link.name);
         segment_.set_link_state(link.index, TACTILED_LINK_OPEN);
         link.connected.store(true, std::memory_order_release);
         pipeline_.serve();
         const std::uint64_t opened_ns = monotonic_ns();
         const std::uint32_t frames = counts[TACTILED_LINK_FRAMES];
-        bool present = true, worked = !announce && std::exchange(was_proving, false);
+        bool present = true, worked = std::exchange(was_proving, false);
         while (present && !stop_.load(std::memory_order_acquire)) {
             {
                 const Armed armed;

@@ -380,7 +380,8 @@ inline void StreamAge::publish(Frame& frame, std::uint64_t host_ns, double waite
     const auto back_ns = std::uint64_t(std::max(late_ns, is_bounded ? bound_ns - stale_ns_ / 2 : 0));
     const std::uint64_t measured_ns = frame.taken_ns > back_ns ? frame.taken_ns - back_ns : 0;
     frame.late_ns = std::uint64_t(late_ns);
-    frame.bound_ns = proof_ == Proof::arrival ? kUnbounded_ns : bound_ns;
+    // Without a clock, a doubt has no size.
+    frame.bound_ns = proof_ == Proof::arrival || (!is_clock_ && !is_bounded) ? kUnbounded_ns : bound_ns;
     frame.t_ns = std::max(std::min(frame.t_ns, measured_ns), std::min(t_ns_, frame.t_ns));
     frame.age = !is_bounded                ? Frame::Age::unproved
                 : proof_ == Proof::arrival ? Frame::Age::arrival_only

@@ -218,7 +218,7 @@ class Device(threading.Thread):
             with contextlib.suppress(BlockingIOError):
                 client = self.listener.accept()[0]
             try:
-                client.sendall(b"%d 1 2 %d\n" % (sequence, sequence % 2))
+                client.sendall(b"%d %d %d %d\n" % (sequence, sequence % 2, sequence % 3, sequence % 5))
             except OSError:
                 client = None
             sequence += 1

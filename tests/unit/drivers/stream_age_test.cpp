@@ -69,7 +69,7 @@ TEST(StreamAge, AnOpeningProvesOnlyIfTheFramesOfTheClosedTimeAreMissing) {
             device.reopen(100, keeps);
             const Frame frame = device.next(keeps ? 101 : 1);
             if (keeps)
-                EXPECT_GT(frame.bound_ns, before_ns + 50e6) << clock;
+                EXPECT_GT(frame.bound_ns, clock ? before_ns + 50e6 : 1e12) << clock;
             else
                 EXPECT_LT(frame.bound_ns, 12e6) << clock;
         }

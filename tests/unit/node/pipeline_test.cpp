@@ -67,7 +67,7 @@ TEST_F(PipelineTest, ALinkWhoseAgeIsNotProvedIsOpenedAgainOnceAndThenLessOften) 
     auto [sample, stays_open] = last_of_all();
     EXPECT_EQ(sample.reasons, unsigned(TACTILED_UNPROVED_AGE)) << "they may have waited before the start";
     EXPECT_FALSE(stays_open) << "the link is to be opened again";
-    links_[0]->opened(t_ns + 190 * ms);
+    links_[0]->opened(t_ns + 190 * ms, true);
     t_ns += 195 * ms;
     sequence += 19;  // the frames of the time in which the link was closed are missing
     send_counted(150);
