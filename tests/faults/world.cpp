@@ -220,7 +220,7 @@ void World::run_link_cycle(unsigned index) {
             return;
         }
         thread.open = true;
-        link.opened(world_ns);
+        link.opened(world_ns, link.is_proving);
         thread.opened_ns = world_ns;
         thread.frames_at_open = link.driver->counts[TACTILED_LINK_FRAMES];
         segment_->set_link_state(index, TACTILED_LINK_OPEN);
