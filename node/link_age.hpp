@@ -58,7 +58,9 @@ public:
         for (const auto& each : devices_) {
             if (!each->age.may_ask()) continue;
             if (now == 0) now = host_ns(now_ns());
-            if (now < asked_ns_ + each->pause_ns || !each->age.asks_for_reopening(now, is_busy)) continue;
+            if (now < asked_ns_ + (each->age.keeps() ? kKeepsPause_ns : each->pause_ns) ||
+                !each->age.asks_for_reopening(now, is_busy))
+                continue;
             const bool helped = each->age.proofs() != each->proofs;
             each->pause_ns = helped ? kMinPause_ns : std::min(2 * each->pause_ns, kMaxPause_ns);
             each->proofs = each->age.proofs();
@@ -112,8 +114,9 @@ public:
     }
 
 private:
-    static constexpr std::uint64_t kMinPause_ns = 1'000'000'000,
-                                   kMaxPause_ns = 8'000'000'000;  // a doubt ends within 10 s of its cause
+    static constexpr std::uint64_t kMinPause_ns = 1'000'000'000;
+    static constexpr std::uint64_t kMaxPause_ns = 8'000'000'000;     // a doubt ends within 10 s of its cause
+    static constexpr std::uint64_t kKeepsPause_ns = 60'000'000'000;  // a queue of 50 ms more in a minute
 
     struct Device {
         Device(std::uint16_t n, std::uint64_t stale_ns) : number(n), age(stale_ns) {}

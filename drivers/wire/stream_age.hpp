@@ -61,7 +61,7 @@ public:
     [[nodiscard]] std::uint64_t trouble_ns() const noexcept { return trouble_ns_; }
     // True if an opening of the link may prove the age. rt: wait-free
     [[nodiscard]] bool may_ask() const noexcept {
-        return route_.reopening_discards && has_frame_ && !is_opened_ && !keeps_ && (is_clock_ || period_ns_ < stale_ns_);
+        return route_.reopening_discards && has_frame_ && !is_opened_ && (is_clock_ || period_ns_ < stale_ns_);
     }
     // True if a proof is due, too. `is_busy`: it can wait while the bound allows. rt: wait-free
     [[nodiscard]] bool asks_for_reopening(std::uint64_t host_ns, bool is_busy) const noexcept {
@@ -82,6 +82,8 @@ public:
         return is_clock_ && span_ns > 0 ? (x_ - first_.offset_ns) / span_ns : 0;
     }
     [[nodiscard]] const Route& route() const noexcept { return route_; }
+    // True if the path kept its frames at the last opening, and each one makes its lag longer. rt: wait-free
+    [[nodiscard]] bool keeps() const noexcept { return keeps_; }
     // Number of openings that have made the error small. rt: wait-free
     [[nodiscard]] std::uint32_t proofs() const noexcept { return proofs_; }
 
@@ -141,7 +143,7 @@ private:
     bool has_frame_ = false, is_opened_ = false, is_clock_ = false;
     // x has risen at once, as if frames were held or come again: until it falls below this, no opening or cable is a proof.
     double held_ns_ = kNone_ns;
-    bool keeps_ = false;  // an opening was the cause: until then, no other one is asked for
+    bool keeps_ = false;  // and an opening has lost no frame
     std::uint32_t proofs_ = 0;
     std::uint64_t opened_ns_ = 0, trouble_ns_ = 0;
     std::uint64_t host_ns_ = 0, t_ns_ = 0;  // of the previous frame
@@ -230,7 +232,7 @@ inline void StreamAge::test_opening(const Frame& frame, double advance_ns, doubl
     const double closed_ns = double(opened_ns_) - double(host_ns_);
     double delay_ns = host_ns - double(opened_ns_);
     if (held_ns_ > kNone_ns) {
-        keeps_ = advance_ns < closed_ns / 2;
+        keeps_ = keeps_ || advance_ns < closed_ns / 2;
         return;
     }
     if (is_clock_ || frame.has_sequence) {

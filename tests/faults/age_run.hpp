@@ -178,7 +178,7 @@ private:
     // The link's thread.
     void ask() {
         const std::uint64_t now_ns = ns(now_s_);
-        if (now_s_ < closed_until_s_ || !age_.may_ask() || now_s_ < opening_s_ + pause_s_) return;
+        if (now_s_ < closed_until_s_ || !age_.may_ask() || now_s_ < opening_s_ + (age_.keeps() ? 60 : pause_s_)) return;
         if (!age_.asks_for_reopening(now_ns, false)) return;
         pause_s_ = std::exchange(proofs_, age_.proofs()) != age_.proofs() ? 1 : std::min(2 * pause_s_, 8.0);
         opening_s_ = now_s_;

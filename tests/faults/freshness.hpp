@@ -208,7 +208,9 @@ private:
         }
         // The link's thread looks each period, too.
         const std::uint64_t now_ns = host_ns(now_s_);
-        if (!age_.may_ask() || !age_.asks_for_reopening(now_ns, false) || now_ns < asked_ns_ + pause_ns_) return;
+        if (!age_.may_ask() || !age_.asks_for_reopening(now_ns, false) ||
+            now_ns < asked_ns_ + (age_.keeps() ? 60'000'000'000 : pause_ns_))
+            return;
         const bool helped = std::exchange(proofs_, age_.proofs()) != age_.proofs();
         pause_ns_ = helped ? 1'000'000'000 : std::min<std::uint64_t>(2 * pause_ns_, 8'000'000'000);
         asked_ns_ = now_ns;
