@@ -213,17 +213,18 @@ class Freshness(unittest.TestCase):
 
     def test_over_tcp_a_pause_costs_the_samples_until_the_connection_was_opened_again(self):
         with Rig(clock=False, tcp=True) as rig:
+            before = rig.accepted  # the first opening, and others until the interval is known
             rig.bridge.paused = True
             time.sleep(1)
             rig.bridge.paused = False
             began = time.monotonic()
-            _, seen = rig.watch(5, lambda: rig.accepted == 2 and rig.latest().quality == tactiled.GOOD)
+            _, seen = rig.watch(5, lambda: rig.accepted > before and rig.latest().quality == tactiled.GOOD)
             print(f"GOOD again {time.monotonic() - began:.3f} s after the pause")
             self.assertIn((tactiled.UNCERTAIN, tactiled.UNPROVED_AGE), [s[1:] for s in seen])
             self.assertEqual(rig.latest().quality, tactiled.GOOD)
             self.assertLess(time.monotonic() - began, 1.5)
             rig.watch(3)
-            self.assertEqual(rig.accepted, 2)
+            self.assertLess(rig.accepted, before + 4, "at most one a second")
 
     def test_a_stream_without_either_is_tared_only_where_that_is_accepted(self):
         for accept in (False, True):
