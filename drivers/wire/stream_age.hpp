@@ -123,7 +123,7 @@ private:
     [[nodiscard]] double step_by_clock(const Frame& frame, double step_ns) noexcept;
     [[nodiscard]] double step_by_number(const Frame& frame, double step_ns) noexcept;
     [[nodiscard]] double frames_since(const Frame& frame) const noexcept;
-    void begin(const Frame& frame, std::uint64_t host_ns, double silence_ns) noexcept;
+    void begin(const Frame& frame, double silence_ns) noexcept;
     void advance(const Frame& frame, std::uint64_t host_ns, double step_ns) noexcept;
     void begin_again(double error_ns) noexcept;
     void follow(double step_ns, double advance_ns, bool is_next) noexcept;
@@ -322,7 +322,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
     if (is_clock_) waited_ns = 0;
     const double silence_ns = has_frame_ ? double(host_ns - host_ns_) : 0;
     if (begins)
-        begin(frame, host_ns, silence_ns);
+        begin(frame, silence_ns);
     else
         advance(frame, host_ns, silence_ns - std::min(waited_ns, silence_ns));
     if (asked_ns != 0) {  // by the clock, the answer is the proof, else this frame, which came after it
@@ -339,7 +339,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
 }
 
 // Takes the first frame, or the first one with the device's time.
-inline void StreamAge::begin(const Frame& frame, std::uint64_t host_ns, double silence_ns) noexcept {
+inline void StreamAge::begin(const Frame& frame, double silence_ns) noexcept {
     device_us_ = std::uint32_t(frame.device_time_us);
     slope_ = 0;
     // Until a number's interval was measured between two proofs, it may be that of a queue that grows.

@@ -27,9 +27,9 @@ struct AgeScene {
     double cap = 1e12;          // frames that its queue holds; it drops the oldest ones
     AtOpening at_opening = AtOpening::discards;
     // The device's next measurement after that at `t_s`, in s; default: its period.
-    std::function<double(double t_s)> interval;
+    std::function<double(double t_s)> interval = nullptr;
     // The path holds what comes at `t_s` until the result.
-    std::function<double(double t_s)> hold;
+    std::function<double(double t_s)> hold = nullptr;
 };
 
 struct AgeTally {

@@ -146,7 +146,7 @@ TEST(Age, GoodWithinTenSecondsAfterStallsOfDeviceAndPath) {
                    path, longest_s, episodes, late, run.tally.old_s);
         EXPECT_EQ(late, 0) << path;
         // Numbers count a burst of old frames in intervals that the pauses have made longer.
-        if (scene.clock) EXPECT_EQ(run.tally.old_s, 0) << path;
+        EXPECT_LE(run.tally.old_s, scene.clock ? 0 : run.tally.seconds) << path;
     }
 }
 

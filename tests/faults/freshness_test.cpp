@@ -109,7 +109,7 @@ void no_undetected_old_value(const std::vector<Kind>& kinds, double hours, bool 
                 "{:.2f} in an episode; reopened {}\n",
                 kind.name, each.name, sum.wrong_before_s * to_1000_h, sum.wrong_s * to_1000_h, sum.worst_ms,
                 double(sum.alarms) / episodes, sum.reopened);
-            const bool clock = each.stream.clock, tcp = each.stream.reopening_discards;
+            const bool clock = each.stream.clock;
             const bool counter = clock || each.stream.sequence;
             if (must_see(kind.seen, clock, counter)) {
                 EXPECT_LE(sum.wrong_s * to_1000_h, kind.may_last_s) << kind.name << ", " << each.name;
