@@ -69,7 +69,7 @@ public:
     }
     [[nodiscard]] virtual std::string advice() const { return ""; }
 
-    // What makes frames prove their age on this path, for a message. setup
+    // Returns what the user can do so that frames prove their age on this path, for a message. setup
     [[nodiscard]] virtual std::string proof_advice() const { return "let the device send its time"; }
 
     // True if noise changes every number of `device` in every reading, so that many equal readings indicate a fault.

@@ -66,7 +66,7 @@ public:
         return tally;
     }
     [[nodiscard]] double now_s() const { return now_s_; }
-    // Whether the newest frame is GOOD.
+    // Returns true if the newest frame is GOOD.
     [[nodiscard]] bool is_good() const { return was_good_; }
     AgeTally tally;
 
