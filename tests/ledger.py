@@ -4,6 +4,7 @@
     ledger.py failed FILE COMMIT LOAD OTHERWISE    a line for each failed test of a JUnit file of CTest: date, commit, test, load;
                                                    without one, a line with OTHERWISE as the test
     ledger.py count FILE...    how many programs and cases passed, failed and were skipped
+    ledger.py why FILE...      the last lines that each failed program printed
     ledger.py check            fails for a test that is listed twice without a change of its code in between
 """
 import datetime
@@ -15,6 +16,7 @@ from xml.etree import ElementTree
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 LIST = ROOT / "tests/failed.tsv"
+LAST_LINES = 30
 # GoogleTest: "[  FAILED  ] Suite.Name (3 ms)"; unittest: "FAIL: test_name (module.Class.test_name)"
 CASE = re.compile(r"^(?:\[  FAILED  \] (?P<gtest>[\w/]+\.[\w/]+)|(?:FAIL|ERROR): (?P<python>\w+) )")
 RAN = re.compile(r"^(?:\[==========\] (\d+) tests? from .* ran|Ran (\d+) tests? in )")
@@ -45,6 +47,13 @@ def count(outputs):
     found = [each for output in outputs for each in programs(output)]
     of = {status: sum(each[1] == status for each in found) for status in ("run", "fail", "notrun")}
     print(f"{of['run']} passed, {of['fail']} failed, {of['notrun']} skipped; {sum(ran for *_, ran in found)} cases of GoogleTest and unittest")
+
+
+def why(outputs):
+    for output in outputs:
+        for test in ElementTree.parse(output).iter("testcase"):
+            if test.get("status") == "fail":
+                print(f"--- {test.get('name')}", *(test.findtext("system-out") or "").splitlines()[-LAST_LINES:], sep="\n")
 
 
 def code_of(test):
@@ -81,6 +90,8 @@ def main():
         failed(*sys.argv[2:])
     elif sys.argv[1:2] == ["count"]:
         count(sys.argv[2:])
+    elif sys.argv[1:2] == ["why"]:
+        why(sys.argv[2:])
     elif sys.argv[1:] == ["check"]:
         lines = [line for line in LIST.read_text().splitlines() if line and not line.startswith("#")]
         sys.exit("\n".join(check(lines, changed_in_git)) or None)

@@ -199,7 +199,9 @@ def _forgotten_tool(tool):
 
 def _is_fresh(t_ns, now_ns, limit_ms):
     """True if `t_ns` is within the limit. A time in the future is as bad as an old one: this clock then differs from
-    the daemon's."""
+    the daemon's. It is in the future of `now_ns` alone if this thread was interrupted before it read the record."""
+    if t_ns > now_ns:
+        now_ns = time.monotonic_ns()
     return abs(now_ns - t_ns) <= limit_ms * 1_000_000
 
 

@@ -33,6 +33,7 @@ import tactiled  # noqa: E402
 # Times real time. The memory of piezo is that of the clock; 2 leaves the tare half the time at rest that the scene has.
 SPEED, SPEED_WITH_MEMORY = 4, 1
 TARE_MS = 20
+LATE_MS = 2000    # other tests may delay the daemon and this reader
 MAX_SENSORS = 16  # for a daemon
 NOT_NOW = 4        # enum tactiled_command_result: nothing to tare yet
 QUALITY = {tactiled.GOOD: "good", tactiled.UNCERTAIN: "uncertain", tactiled.BAD: "bad"}
@@ -161,9 +162,9 @@ class Follow(threading.Thread):
         with tactiled.open(self.node_name) as node:
             follower = node.follow(self.sensor, timeout=3, wait="sleep", from_oldest=True)
             for sample in follower:
-                if sample.reasons & (tactiled.DISCONNECTED | tactiled.DAEMON_STOPPED) and self.samples:
+                if sample.reasons & tactiled.DISCONNECTED and self.samples:
                     break
-                if sample.reasons & tactiled.NO_DATA_YET:
+                if sample.reasons & (tactiled.NO_DATA_YET | tactiled.DAEMON_STOPPED):
                     continue
                 self.samples.append(sample)
                 if not sample.reasons & tactiled.UNKNOWN_UNCERTAINTY:
@@ -203,11 +204,11 @@ def play(scene, effects, speed, calibrations, truths):
                      f'speed = {speed}\n\n')
         text += (f'[[sensor]]\nname = "e{i}"\nlink = "scene{link}"\ndevice = {device}\nmodel = "{model_of(calibration)}"\n'
                  f'calibration = "{calibration}"\nmethod = "{expect.get("method", "")}"\nchannels = {channels_of(table)}\n'
-                 f'stale_ms = 2000\ntare_ms = {TARE_MS}\ntemperature_range_C = [23, 23]\n\n')
+                 f'stale_ms = {LATE_MS}\ntare_ms = {TARE_MS}\ntemperature_range_C = [23, 23]\n\n')
         end_s = min(expect.get("to_s", 1e7), max(truths[name]) / 1e6)
         last.append(math.floor(end_s * scene.rate_Hz / table.get("every", 1)))
     text += "[shm]\nhistory = 16384\n"
-    with Daemon(text) as daemon:
+    with Daemon(text, node=f"watchdog_ms = {LATE_MS}") as daemon:
         try:
             daemon.start()
             follows = [Follow(daemon.name, f"e{i}", end) for i, end in enumerate(last)]
@@ -311,14 +312,14 @@ def run_calibration(job):
         return job, f"{type(why).__name__}: {why}", False
 
 
-def print_row(row):
+def line_of(row):
     judged = [a in row["axes"] and row["within"][a] < NOT_JUDGED for a in AXES]
     worst = " ".join(f"{1e3 * (row['errors'][a]['worst'] or math.nan):7.1f}" if judged[a] else "      -" for a in AXES)
     within = " ".join(f"{1e3 * row['within'][a]:6.4g}" if judged[a] else "     -" for a in AXES)
     lost = f"  reader lost {row['lost']}" if row.get("lost") else ""
-    print(f"{'ok  ' if row['passed'] else 'FAIL'} {row['scene']:24} {row['sensor']:10} {row['method']:34} "
-          f"{row['samples']:6} {100 * row['share']:6.2f} {worst}  ({within})  {row['quality']}{lost}"
-          f"{''.join('; ' + f for f in row['failures'])}")
+    return (f"{'ok  ' if row['passed'] else 'FAIL'} {row['scene']:24} {row['sensor']:10} {row['method']:34} "
+            f"{row['samples']:6} {100 * row['share']:6.2f} {worst}  ({within})  {row['quality']}{lost}"
+            f"{''.join('; ' + f for f in row['failures'])}")
 
 
 def scenes_in(folder, names):
@@ -345,15 +346,14 @@ def main():
     began, wishes = time.monotonic(), words.effects.split(",")
     folder = words.keep or pathlib.Path(tempfile.mkdtemp(prefix="tactiled-scenes-"))
     folder.mkdir(exist_ok=True)
-    failed = 0
+    failures = []
     try:
         scenes, calibrations = scenes_in(words.scenes, words.names)
         with multiprocessing.Pool(words.jobs) as pool:
             jobs = [(path, method, folder) for path, method in calibrations]
             for (path, method, _), said, good in pool.imap(run_calibration, jobs):
                 if not good:
-                    failed += 1
-                    print(f"FAIL {path.stem} {method}: {said}")
+                    failures.append(f"FAIL {path.stem} {method}: {said}")
                 elif words.keep:
                     print(f"{path.stem} {method}\n{said}")
             calibrated_s = time.monotonic() - began
@@ -367,18 +367,19 @@ def main():
                   f"{'fx':>7} {'fy':>7} {'fz':>7}")
             for name, rows in sorted(results[effects]):
                 if isinstance(rows, str):
-                    failed += 1
-                    print(f"FAIL {name:24} {rows}")
+                    failures.append(f"FAIL {effects} {name}: {rows}")
                     continue
                 for row in rows:
-                    failed += not row["passed"]
-                    print_row(row)
-        print(f"\n{len(scenes)} scenes, effects {words.effects}: {failed} failed; {time.monotonic() - began:.0f} s, "
+                    print(line_of(row))
+                    if not row["passed"]:
+                        failures.append(line_of(row))
+        print("", *failures, sep="\n")
+        print(f"{len(scenes)} scenes, effects {words.effects}: {len(failures)} failed; {time.monotonic() - began:.0f} s, "
               f"{calibrated_s:.0f} of them for {len(calibrations)} calibrations")
     finally:
         if not words.keep:
             shutil.rmtree(folder)
-    sys.exit(1 if failed or not scenes else 0)
+    sys.exit(1 if failures or not scenes else 0)
 
 
 if __name__ == "__main__":

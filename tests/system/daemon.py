@@ -61,14 +61,14 @@ def free_port():
 class Daemon:
     """A tactiled with its own folder, name and port. A context manager."""
 
-    def __init__(self, config, name=None, env=None):
-        """config: TOML text; {folder} {name} {port} are filled in, [node] and [modbus] are added."""
+    def __init__(self, config, name=None, env=None, node=""):
+        """config: TOML text; {folder} {name} {port} are filled in, [node] with the keys `node` and [modbus] are added."""
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tactiled-test-"))
         self.name = name or f"test-{os.getpid()}-{free_port()}"
         self.port = free_port()
         self.env = {**os.environ, **(env or {})}
         self.config = self.folder / "tactiled.toml"
-        head = f'[node]\nname = "{self.name}"\ncontrol = "{self.folder}/control.sock"\nzeros = "{self.folder}/zeros.toml"\n\n[modbus]\nlisten = "127.0.0.1:{self.port}"\n\n'
+        head = f'[node]\nname = "{self.name}"\ncontrol = "{self.folder}/control.sock"\nzeros = "{self.folder}/zeros.toml"\n{node}\n\n[modbus]\nlisten = "127.0.0.1:{self.port}"\n\n'
         self.config.write_text(head + config.replace("{folder}", str(self.folder)))
         self.process = None
         self.others = []

@@ -103,13 +103,19 @@ static inline int tactiled_is_current(const struct tactiled_segment* segment) {
     return (state == TACTILED_RUNNING || state == TACTILED_STARTING) &&
            tactiled_is_whole(segment->base, segment->size, segment->entry);
 }
+/* tactiled_is_fresh() for a record that was read after `now_ns`. A record may be newer than `now_ns` because this thread was
+ * interrupted in between; the clock is then read again. */
+static inline int tactiled_is_recent(uint64_t t_ns, uint64_t now_ns, uint32_t limit_ms) {
+    if ((int64_t)(t_ns - now_ns) > 0) now_ns = tactiled_now_ns();
+    return tactiled_is_fresh(t_ns, now_ns, limit_ms);
+}
 /* Returns 1 if the daemon published within its watchdog_ms. `t_published_ns` is the time of any of its records;
  * if that time is recent enough, the node record is not read. */
 static inline int tactiled_is_alive(const struct tactiled_segment* segment, uint64_t t_published_ns, uint64_t now_ns) {
     struct tactiled_node node;
-    if (tactiled_is_fresh(t_published_ns, now_ns, segment->watchdog_ms)) return 1;
+    if (tactiled_is_recent(t_published_ns, now_ns, segment->watchdog_ms)) return 1;
     return tactiled_ring_latest(segment->base, &segment->node, &node, sizeof node) &&
-           tactiled_is_fresh(node.t_ns, now_ns, segment->watchdog_ms);
+           tactiled_is_recent(node.t_ns, now_ns, segment->watchdog_ms);
 }
 
 static inline int tactiled_fits(const struct tactiled_segment* segment, uint64_t offset, uint64_t size, uint32_t alignment) {
@@ -200,7 +206,7 @@ static inline int tactiled_latest_node(const struct tactiled_segment* segment, s
         if (segment->stale_ms[i] < limit_ms) limit_ms = segment->stale_ms[i];
     if (limit_ms < kMinMs) limit_ms = kMinMs;
     if (segment->node.record_size < TACTILED_NODE_SIZE_1_1 || !tactiled_is_current(segment) ||
-        !tactiled_is_fresh(node->t_ns, now_ns, limit_ms)) {
+        !tactiled_is_recent(node->t_ns, now_ns, limit_ms)) {
         tactiled_forget_grasp(&node->grasp);
         tactiled_forget_tool(&node->tool);
     }
@@ -313,7 +319,7 @@ static inline int tactiled_latest(const struct tactiled_segment* segment, uint32
                             tactiled_ring_head(segment->base, ring) == 0 ? TACTILED_NO_DATA_YET : TACTILED_READER_OVERRUN);
         return 0;
     }
-    tactiled_judge(sample, segment->stale_ms[index], now_ns);
+    if (!tactiled_is_recent(sample->t_ns, now_ns, segment->stale_ms[index])) tactiled_invalidate(sample, TACTILED_STALE);
     if (!tactiled_is_current(segment) || !tactiled_is_alive(segment, sample->t_published_ns, now_ns))
         tactiled_invalidate(sample, TACTILED_DAEMON_STOPPED);
     return 1;

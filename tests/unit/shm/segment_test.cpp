@@ -390,6 +390,20 @@ TEST_F(SegmentTest, ASampleOrADaemonOfAnotherClockIsNotBelieved) {
     EXPECT_NE(s.reasons & TACTILED_DAEMON_STOPPED, 0u);
 }
 
+TEST_F(SegmentTest, ARecordThatIsNewerThanTheTimeOfAnInterruptedReaderIsJudgedNow) {
+    constexpr std::uint64_t kInterruption_ns = 1'000'000'000;  // longer than stale_ms and watchdog_ms
+    SegmentWriter writer(plan());
+    writer.set_state(TACTILED_RUNNING);
+    beat(writer, 1);
+    writer.publish(0, sample(0));
+    tactiled_sample s{};
+    const Segment segment = Segment::open(name_);
+    ASSERT_TRUE(segment.latest(0, s, monotonic_ns() - kInterruption_ns));
+    EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD)) << s.reasons;
+    ASSERT_TRUE(segment.latest(0, s, monotonic_ns() + kInterruption_ns));
+    EXPECT_EQ(s.quality, unsigned(TACTILED_BAD));
+}
+
 TEST_F(SegmentTest, BeforeTheFirstSampleThereIsNoDataYet) {
     SegmentWriter writer(plan());
     writer.set_state(TACTILED_RUNNING);
