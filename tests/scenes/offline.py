@@ -4,7 +4,7 @@ import math
 
 from judge import Series
 
-TARE_S = (0.5, 0.58)  # all scenes rest for a second; the daemon's tare window at four times the pace
+TARE_S = (0.5, 0.58)  # all scenes rest for a second
 
 
 def signals_of(run_ctl, scene, effects, seed, folder):

@@ -13,7 +13,6 @@ import multiprocessing
 import os
 import pathlib
 import shutil
-import socket
 import subprocess
 import sys
 import tempfile
@@ -25,17 +24,14 @@ sys.dont_write_bytecode = True
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "system"))
 from daemon import BIN, ROOT, Daemon, wait_for  # noqa: E402
 from judge import AXES, NOT_JUDGED, Series, judge  # noqa: E402
-from offline import TARE_S  # noqa: E402
+from offline import TARE_S, tared  # noqa: E402
 
 sys.path.insert(0, str(ROOT / "node/python"))
 import tactiled  # noqa: E402
 
-# Times real time. The memory of piezo is that of the clock; 2 leaves the tare half the time at rest that the scene has.
-SPEED, SPEED_WITH_MEMORY = 4, 1
-TARE_MS = 20
+SPEED, SPEED_WITH_MEMORY = 4, 1  # times real time; the memory of piezo is that of the clock
 LATE_MS = 2000    # other tests may delay the daemon and this reader
 MAX_SENSORS = 16  # for a daemon
-NOT_NOW = 4        # enum tactiled_command_result: nothing to tare yet
 QUALITY = {tactiled.GOOD: "good", tactiled.UNCERTAIN: "uncertain", tactiled.BAD: "bad"}
 
 
@@ -155,8 +151,7 @@ class Follow(threading.Thread):
     def __init__(self, node_name, sensor, until_number):
         super().__init__(daemon=True)
         self.node_name, self.sensor, self.until_number = node_name, sensor, until_number
-        self.samples, self.lost, self.tared_at = [], 0, None
-        self.sure = threading.Event()  # a sample whose method knows how sure it is
+        self.samples, self.lost = [], 0
 
     def run(self):
         with tactiled.open(self.node_name) as node:
@@ -167,32 +162,14 @@ class Follow(threading.Thread):
                 if sample.reasons & (tactiled.NO_DATA_YET | tactiled.DAEMON_STOPPED):
                     continue
                 self.samples.append(sample)
-                if not sample.reasons & tactiled.UNKNOWN_UNCERTAINTY:
-                    self.sure.set()
-                if self.tared_at is None and sample.tare_count > 0:
-                    self.tared_at = sample.device_sequence
                 if sample.device_sequence >= self.until_number:
                     break
             self.lost = follower.lost
             follower.close()
 
 
-def tare(daemon, mask):
-    """Returns when all have a value."""
-    until = time.monotonic() + 5
-    while time.monotonic() < until:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as control:
-            control.settimeout(5)
-            control.connect(f"{daemon.folder}/control.sock")
-            control.send(f"{daemon.name} tare {mask}".encode())
-            _, result = map(int, control.recv(64).split())
-        if result != NOT_NOW:
-            return
-        time.sleep(0.002)
-
-
 def play(scene, effects, speed, calibrations, truths):
-    """Runs the daemon over the scene. Returns a Follow for each expectation, or None when the tare came too late."""
+    """Runs the daemon over the scene. Returns a Follow for each expectation."""
     text, last, uses, links = "", [], {}, set()
     for i, ((name, expect), calibration) in enumerate(zip(scene.expectations, calibrations)):
         device, table = scene.sensors[name]
@@ -204,7 +181,7 @@ def play(scene, effects, speed, calibrations, truths):
                      f'speed = {speed}\n\n')
         text += (f'[[sensor]]\nname = "e{i}"\nlink = "scene{link}"\ndevice = {device}\nmodel = "{model_of(calibration)}"\n'
                  f'calibration = "{calibration}"\nmethod = "{expect.get("method", "")}"\nchannels = {channels_of(table)}\n'
-                 f'stale_ms = {LATE_MS}\ntare_ms = {TARE_MS}\ntemperature_range_C = [23, 23]\n\n')
+                 f'stale_ms = {LATE_MS}\ntemperature_range_C = [23, 23]\n\n')
         end_s = min(expect.get("to_s", 1e7), max(truths[name]) / 1e6)
         last.append(math.floor(end_s * scene.rate_Hz / table.get("every", 1)))
     text += "[shm]\nhistory = 16384\n"
@@ -214,23 +191,10 @@ def play(scene, effects, speed, calibrations, truths):
             follows = [Follow(daemon.name, f"e{i}", end) for i, end in enumerate(last)]
             for follow in follows:
                 follow.start()
-            mask = sum(1 << i for i, (_, expect) in enumerate(scene.expectations) if expect.get("tare", True))
-            if speed == SPEED_WITH_MEMORY:  # a zero that is taken before its method has a past is unknown
-                for follow in follows:
-                    follow.sure.wait(0.5)
-            if mask:
-                tare(daemon, mask)
             for follow in follows:
                 follow.join()
         finally:
             shutil.rmtree(daemon.folder)
-    for (name, expect), follow in zip(scene.expectations, follows):
-        if not expect.get("tare", True):
-            continue
-        rest = next((t for t, force in sorted(truths[name].items()) if any(force)), math.inf)
-        every = scene.sensors[name][1].get("every", 1)
-        if follow.tared_at is None or follow.tared_at * every / scene.rate_Hz * 1e6 > rest:
-            return None
     return follows
 
 
@@ -264,8 +228,8 @@ def row_of_follow(scene, name, expect, follow, truth):
     """The samples that the daemon published."""
     every = scene.sensors[name][1].get("every", 1)
     begin_s, end_s = span_s(expect)
-    if expect.get("tare", True):  # earlier reads do not count; the limits are those of an equally long rest
-        begin_s = max(begin_s, follow.tared_at * every / scene.rate_Hz, TARE_S[1])
+    if expect.get("tare", True):
+        begin_s = max(begin_s, TARE_S[1])
     read, reasons = [], set()
     for sample in follow.samples:
         t_s = sample.device_sequence * every / scene.rate_Hz
@@ -273,9 +237,9 @@ def row_of_follow(scene, name, expect, follow, truth):
             read.append((t_s, sample))
         if begin_s <= t_s <= end_s:
             reasons.update(sample.reasons_text)
-    series = Series([t for t, _ in read], [[s.force_S_N[axis] for _, s in read] for axis in AXES],
+    series = Series([t for t, _ in read], [[s.raw_force_S_N[axis] for _, s in read] for axis in AXES],
                     [[s.sd_force_N[axis] for _, s in read] for axis in AXES], [QUALITY[s.quality] for _, s in read])
-    row = row_of(scene, name, expect, series, truth, begin_s, end_s)
+    row = row_of(scene, name, expect, tared(series) if expect.get("tare", True) else series, truth, begin_s, end_s)
     row["quality"] += "".join(f" {word}" for word in sorted(reasons))
     return {**row, "lost": follow.lost}
 
@@ -291,12 +255,7 @@ def run_scene(job):
         own.mkdir()
         truths = read_truth(truth_of(path, own), {name for name, _ in scene.expectations})
         speed = SPEED_WITH_MEMORY if any(model_of(c) == "piezo" for c in calibrations) else SPEED
-        for speed in (speed, 1, 1):
-            follows = play(scene, effects, speed, calibrations, truths)
-            if follows is not None:
-                break
-        else:
-            raise Refused("the tare came later than the first force, three times; let the scene rest longer at first")
+        follows = play(scene, effects, speed, calibrations, truths)
         rows = [row_of_follow(scene, name, expect, follow, truths[name])
                 for (name, expect), follow in zip(scene.expectations, follows)]
         return effects, path.stem, [{**row, "took_s": time.monotonic() - began} for row in rows]
