@@ -6,6 +6,7 @@
     HOLD=SECONDS                   holds the last object of PICKS so long
     PICTURE=FILE.svg               draws the live view while the last object of PICKS is held
 """
+import collections
 import html
 import os
 import pathlib
@@ -30,6 +31,7 @@ WEIGHT_STATES = ["none", "estimating", "stable", "overload", "not observable"]
 PAUSED = "paused with open jaws, so that a tare succeeds: tactilectl tare left; p goes on"
 HELD = "held, so that a known weight succeeds: tactilectl weigh known {:.4f}; h goes on"
 QUALITY = {tactiled.GOOD: ("GOOD", 32), tactiled.UNCERTAIN: ("UNCERTAIN", 33), tactiled.BAD: ("BAD", 31)}
+JAWS = ("left", "right")
 FULL_N, BAR = 10.0, 16
 WIDTH = 80  # columns of a plain terminal
 COLOUR = "PICTURE" in os.environ or sys.stdout.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM", "dumb") != "dumb"
@@ -47,9 +49,11 @@ def number_of(name):
 class Task(threading.Thread):
     """Picks until it is ended. `done` has the last action, `right` and `wrong` count the results."""
 
-    def __init__(self, gripper, plc, picks, say):
+    def __init__(self, gripper, port, picks, say):
         super().__init__(daemon=True)
-        self.gripper, self.plc, self.picks, self.say = gripper, plc, picks, say
+        self.plc, self.node = Plc(port, self.note_doubts), tactiled.open("gripper")
+        self.gripper, self.picks, self.say = gripper, picks, say
+        self.doubts = collections.Counter()  # jaw with its reasons: seconds within this pick
         self.random, self.number, self.right, self.wrong, self.failed = random.Random(11), 0, 0, 0, 0
         self.true_kg, self.done, self.failure = 0.0, "", None
         self.held = lambda: None  # called while a weighed object is held
@@ -75,6 +79,7 @@ class Task(threading.Thread):
         place = self.random.choice(sorted(BINS))
         self.true_kg = BINS[place] * self.random.uniform(0.97, 1.03)
         self.gripper.offer(self.true_kg)
+        self.doubts.clear()
         time.sleep(0.3)
         try:
             seen = self.plc.pick(self.gripper)
@@ -85,14 +90,26 @@ class Task(threading.Thread):
                          f"bin {chosen}: {'right' if right else 'WRONG'}")
             self.held()
             self.keep(0.5)
-        except NotSeen as step:
+        except NotSeen as late:
             if self.plc.ended.is_set():
                 self.number -= 1
                 return
             self.failed += 1
-            self.done = f"pick {self.number}: given up: no {step} was seen"
+            self.done = f"pick {self.number}: given up: no {late.args[0]}: {self.cause(late.args[1])}"
         self.plc.release(self.gripper)
         self.say(self.done)
+
+    def note_doubts(self, seconds):
+        for name in JAWS:
+            sample = self.node.latest(name)
+            if sample.quality != tactiled.GOOD:
+                self.doubts[" ".join((name, QUALITY[sample.quality][0], *sample.reasons_text))] += seconds
+
+    def cause(self, seen):
+        """What kept a step of the pick from happening, after which the PLC has `seen` this."""
+        if not self.doubts:
+            return f"grip {state_of(GRIP_STATES, seen['grip'])}, weight {state_of(WEIGHT_STATES, seen['weight'])}, jaws GOOD"
+        return ", ".join(f"{doubt} for {seconds:.1f} s" for doubt, seconds in self.doubts.most_common(2))
 
     def keep(self, seconds):
         """Holds the object for this time, for HOLD seconds if it is the last one, and as long as the key says so."""
@@ -105,6 +122,10 @@ class Task(threading.Thread):
             self.plc.scan()
             time.sleep(0.05)
         self.holds = False
+
+
+def state_of(names, number):
+    return names[number] if number < len(names) else "unknown"
 
 
 def paint(text, colour):
@@ -138,12 +159,12 @@ def cropped(line, width):
 def screen(node, task, fault, port):
     record, samples = node.snapshot()
     g = record.grasp
-    grip = GRIP_STATES[g.state] if g.state < len(GRIP_STATES) else "unknown"
+    grip = state_of(GRIP_STATES, g.state)
     weight = f"{g.weight_kg:.4f} +- {g.weight_sd_kg:.4f} kg" if g.weight_kg == g.weight_kg else "-"
     lines = ["tactiled: a pick task through Modbus. Gripper: simulated; skin: real, recorded.", "",
              f"{'':<6} {'press 0 .. 10 N':<{BAR}} {'fx/N':>8}{'fy/N':>8}{'fz/N':>8}  - no value, or not measured"]
     lines += [force_line(name, sample) for name, sample in samples.items()]
-    lines += ["", f"grip {grip:<9} weight {weight:<20} {WEIGHT_STATES[min(g.weight_state, 4)]:<14} true {task.true_kg:.4f} kg",
+    lines += ["", f"grip {grip:<9} weight {weight:<20} {state_of(WEIGHT_STATES, g.weight_state):<14} true {task.true_kg:.4f} kg",
               PAUSED if task.paused else HELD.format(task.true_kg) if task.holds else task.done, f"sorted: {task.right} right, {task.wrong} wrong, {task.failed} given up", "",
               "key " + "  ".join(f"{key} {name}" for key, (name, _) in FAULTS.items()) + "  r repair  p pause  h hold  q quit",
               paint(f"fault: {FAULTS[fault][1]}", 31) if fault else "fault: none", "",
@@ -218,10 +239,9 @@ def main():
     node = tactiled.open("gripper")
     wait_for_sensors(node)
     try:
-        plc = Plc(port)
+        task = Task(gripper, port, picks or (0 if live else 3), (lambda text: None) if live else (lambda text: print(text, flush=True)))
     except OSError as failure:
         sys.exit(f"demo: port {port}: {failure}; build/demo/tactiled.log may have the reason")
-    task = Task(gripper, plc, picks or (0 if live else 3), (lambda text: None) if live else (lambda text: print(text, flush=True)))
     if "PICTURE" in os.environ:
         task.held = lambda: pathlib.Path(os.environ["PICTURE"]).write_text(picture(screen(node, task, "", port)))
     task.start()
@@ -229,7 +249,7 @@ def main():
         watch(node, gripper, task, port)
     else:
         task.join()
-    plc.ended.set()
+    task.plc.ended.set()
     task.join(5)
     gripper.finish()
     if task.failure is not None:

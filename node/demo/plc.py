@@ -1,4 +1,4 @@
-"""A PLC in 90 lines: Modbus TCP with sockets alone, a scan of the global block, and the cycle of a pick.
+"""A PLC in 100 lines: Modbus TCP with sockets alone, a scan of the global block, and the cycle of a pick.
 
 Its only knowledge of gripper and object comes from the registers. node/modbus/MAP.md has every address.
 """
@@ -7,12 +7,13 @@ import struct
 import threading
 import time
 
-SEQ, GRIP_STATE, WEIGHT_STATE, WEIGHT, WEIGHT_SD, SEQ_END = 4, 17, 19, 20, 22, 31
+SEQ, OK, GRIP_STATE, WEIGHT_STATE, WEIGHT, WEIGHT_SD, SEQ_END = 4, 10, 17, 19, 20, 22, 31
 STATUS, GRASPED = 7, 1 << 2
 PLC_HEARTBEAT, PLC_WATCHDOG, GRIPPER_STATE = 5020, 5021, 5022
 OPEN, CLOSING, LIFTING, OPENING = 0, 1, 3, 5  # GRIPPER_STATE
 STABLE, UNKNOWN = 2, -2 ** 31                 # WEIGHT_STATE, WEIGHT
-SCAN_s = 0.02
+JAWS = 0b11                                   # their bits in OK
+SCAN_s, STEP_s, DOUBT_s = 0.02, 4, 12         # a step may take STEP_s, and before it ends, a jaw may be not GOOD for DOUBT_s
 
 
 class Modbus:
@@ -46,11 +47,13 @@ class Modbus:
 
 
 class NotSeen(Exception):
-    """A step of the pick did not happen in time."""
+    """A step of the pick did not happen in time. Its arguments are the step and the last scan."""
 
 
 class Plc:
-    def __init__(self, port):
+    def __init__(self, port, scanned=lambda seconds: None):
+        """scanned: called with the time since the last scan, while a step of a pick is awaited."""
+        self.scanned = scanned
         self.modbus, self.beat, self.ended = Modbus(port), 0, threading.Event()
         self.modbus.write(PLC_WATCHDOG, 2000)
 
@@ -60,27 +63,33 @@ class Plc:
         self.modbus.write(PLC_HEARTBEAT, self.beat)
         r = self.modbus.read(0, 32)
         weight = struct.unpack(">i", struct.pack(">HH", *r[WEIGHT:WEIGHT + 2]))[0]
-        return {"whole": r[SEQ] == r[SEQ_END], "grip": r[GRIP_STATE], "grasped": bool(r[STATUS] & GRASPED), "stable": r[WEIGHT_STATE] == STABLE,
+        return {"whole": r[SEQ] == r[SEQ_END], "good": r[OK] & JAWS == JAWS, "grip": r[GRIP_STATE], "grasped": bool(r[STATUS] & GRASPED), "weight": r[WEIGHT_STATE],
                 "kg": None if weight == UNKNOWN else weight * 1e-4, "sd_kg": r[WEIGHT_SD] * 1e-4}
 
-    def wait(self, step, condition, seconds=4):
-        until = time.monotonic() + seconds
-        while time.monotonic() < until and not self.ended.is_set():
+    def wait(self, step, condition):
+        left_s, doubt_s, before, seen = STEP_s, DOUBT_s, time.monotonic(), None
+        while left_s > 0 and doubt_s > 0 and not self.ended.is_set():
             seen = self.scan()
             if seen["whole"] and condition(seen):
                 return seen
             time.sleep(SCAN_s)
-        raise NotSeen(step)
+            took_s, before = time.monotonic() - before, time.monotonic()
+            if seen["good"]:
+                left_s -= took_s
+            else:
+                doubt_s -= took_s
+            self.scanned(took_s)
+        raise NotSeen(step, seen)
 
     def pick(self, robot, grip_N=8.0):
-        """Closes, waits for the grasp, lifts, waits for a stable weight. Returns the scan with the weight."""
-        self.wait("open", lambda s: s["grip"] == OPEN)
+        """Waits for two GOOD jaws, closes, waits for the grasp, lifts, waits for a stable weight. Returns the scan with the weight."""
+        self.wait("open gripper", lambda s: s["good"] and s["grip"] == OPEN)
         self.modbus.write(GRIPPER_STATE, CLOSING)
         robot.close(grip_N)
-        self.wait("grasped", lambda s: s["grasped"])
+        self.wait("grasp", lambda s: s["grasped"])
         self.modbus.write(GRIPPER_STATE, LIFTING)
         robot.lift()
-        return self.wait("stable weight", lambda s: s["stable"] and s["kg"] is not None)
+        return self.wait("stable weight", lambda s: s["weight"] == STABLE and s["kg"] is not None)
 
     def release(self, robot):
         self.modbus.write(GRIPPER_STATE, OPENING)

@@ -156,6 +156,7 @@ class Demo(unittest.TestCase):
         screen.key("j")
         dead = screen.wait("pick without a weight", lambda lines: any("given up" in line and line.startswith("pick") for line in lines), 40)
         self.assertNotIn("wrong, 0 given up", "\n".join(dead))
+        self.assertRegex("\n".join(dead), r"given up: no [a-z ]+: (grip [a-z]+, weight [a-z ]+, jaws GOOD|(left|right) (UNCERTAIN|BAD) )")  # the cause
         self.assertIn(" 0 wrong", "\n".join(dead))
         screen.key("q")
         self.assertEqual(screen.process.wait(20), 0)
