@@ -106,7 +106,7 @@ class Task(threading.Thread):
                 self.doubts[" ".join((name, QUALITY[sample.quality][0], *sample.reasons_text))] += seconds
 
     def cause(self, seen):
-        """What kept a step of the pick from happening, after which the PLC has `seen` this."""
+        """Returns what kept a step of the pick from happening; `seen`: the last scan."""
         if not self.doubts:
             return f"grip {state_of(GRIP_STATES, seen['grip'])}, weight {state_of(WEIGHT_STATES, seen['weight'])}, jaws GOOD"
         return ", ".join(f"{doubt} for {seconds:.1f} s" for doubt, seconds in self.doubts.most_common(2))
