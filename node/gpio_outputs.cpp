@@ -94,7 +94,7 @@ GpioSigns GpioOutputs::look(std::uint64_t now_ns) {
         if (Segment fresh = Segment::try_open(node_name_, why); fresh.is_open()) segment_ = std::move(fresh);
     }
     tactiled_node node;
-    const bool fresh = segment_.is_open() && segment_.is_current() && segment_.latest_node(node, now_ns) &&
+    const bool fresh = segment_.is_open() && segment_.is_current() && segment_.latest_node(node) &&
                        tactiled_is_fresh(node.t_ns, monotonic_ns(), segment_.header().watchdog_ms) != 0;
     return judge_.judge(fresh ? &node : nullptr, now_ns);
 }

@@ -49,11 +49,17 @@ def count(outputs):
     print(f"{of['run']} passed, {of['fail']} failed, {of['notrun']} skipped; {sum(ran for *_, ran in found)} cases of GoogleTest and unittest")
 
 
+def end_of(lines):
+    """Returns the last lines, or those before GoogleTest's first failure ends: what follows are other tests."""
+    ends = [i + 1 for i, line in enumerate(lines) if line.startswith("[  FAILED  ]")]
+    return lines[:ends[0] if ends else None][-LAST_LINES:]
+
+
 def why(outputs):
     for output in outputs:
         for test in ElementTree.parse(output).iter("testcase"):
-            if test.get("status") == "fail":
-                print(f"--- {test.get('name')}", *(test.findtext("system-out") or "").splitlines()[-LAST_LINES:], sep="\n")
+            if test.find("failure") is not None:
+                print(f"--- {test.get('name')}", *end_of((test.findtext("system-out") or "").splitlines()), sep="\n")
 
 
 def code_of(test):

@@ -40,6 +40,11 @@ class Ledger(unittest.TestCase):
     def test_programs_and_cases_are_counted(self):
         self.assertEqual(self.said_of(lambda path: ledger.count([path])), "1 passed, 3 failed, 0 skipped; 141 cases of GoogleTest and unittest\n")
 
+    def test_the_lines_before_a_failure_say_why(self):
+        said = self.said_of(lambda path: ledger.why([path]))
+        self.assertIn("[  FAILED  ] Uart.ReadsALine (3 ms)\n--- system.web_test\n", said)
+        self.assertTrue(said.endswith("FAIL: test_a_page (__main__.Values.test_a_page)\n--- system.kill\n"), said)
+
     def test_a_second_failure_needs_a_change_between(self):
         twice = ["d\tA\tsystem.web_test:test_a_page\t1", "d\tB\tsystem.web_test:test_a_page\t1"]
         self.assertEqual(len(ledger.check(twice, lambda *_: False)), 1)

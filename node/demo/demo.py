@@ -53,7 +53,7 @@ class Task(threading.Thread):
         super().__init__(daemon=True)
         self.plc, self.node = Plc(port, self.note_doubts), tactiled.open("gripper")
         self.gripper, self.picks, self.say = gripper, picks, say
-        self.doubts = collections.Counter()  # jaw with its reasons: seconds within this pick
+        self.doubts = collections.Counter()  # jaw with its reasons: seconds within this step
         self.random, self.number, self.right, self.wrong, self.failed = random.Random(11), 0, 0, 0, 0
         self.true_kg, self.done, self.failure = 0.0, "", None
         self.held = lambda: None  # called while a weighed object is held
@@ -79,7 +79,6 @@ class Task(threading.Thread):
         place = self.random.choice(sorted(BINS))
         self.true_kg = BINS[place] * self.random.uniform(0.97, 1.03)
         self.gripper.offer(self.true_kg)
-        self.doubts.clear()
         time.sleep(0.3)
         try:
             seen = self.plc.pick(self.gripper)
@@ -95,11 +94,14 @@ class Task(threading.Thread):
                 self.number -= 1
                 return
             self.failed += 1
-            self.done = f"pick {self.number}: given up: no {late.args[0]}: {self.cause(late.args[1])}"
+            self.done = f"pick {self.number} given up: no {late.args[0]}: {self.cause(late.args[1])}"
         self.plc.release(self.gripper)
         self.say(self.done)
 
     def note_doubts(self, seconds):
+        if seconds is None:
+            self.doubts.clear()
+            return
         for name in JAWS:
             sample = self.node.latest(name)
             if sample.quality != tactiled.GOOD:
@@ -107,9 +109,8 @@ class Task(threading.Thread):
 
     def cause(self, seen):
         """Returns what kept a step of the pick from happening; `seen`: the last scan."""
-        if not self.doubts:
-            return f"grip {state_of(GRIP_STATES, seen['grip'])}, weight {state_of(WEIGHT_STATES, seen['weight'])}, jaws GOOD"
-        return ", ".join(f"{doubt} for {seconds:.1f} s" for doubt, seconds in self.doubts.most_common(2))
+        state = f"grip {state_of(GRIP_STATES, seen['grip'])}, weight {state_of(WEIGHT_STATES, seen['weight'])}"
+        return ", ".join([state, *(f"{doubt} {seconds:.1f} s" for doubt, seconds in self.doubts.most_common(1))])
 
     def keep(self, seconds):
         """Holds the object for this time, for HOLD seconds if it is the last one, and as long as the key says so."""

@@ -13,7 +13,8 @@ PLC_HEARTBEAT, PLC_WATCHDOG, GRIPPER_STATE = 5020, 5021, 5022
 OPEN, CLOSING, LIFTING, OPENING = 0, 1, 3, 5  # GRIPPER_STATE
 STABLE, UNKNOWN = 2, -2 ** 31                 # WEIGHT_STATE, WEIGHT
 JAWS = 0b11                                   # their bits in OK
-SCAN_s, STEP_s, DOUBT_s = 0.02, 4, 12         # a step may take STEP_s, and before it ends, a jaw may be not GOOD for DOUBT_s
+SCAN_s, STEP_s = 0.02, 4
+READY_s = 12  # a jaw whose age was in doubt is GOOD again within 10 s where its path has a proof
 
 
 class Modbus:
@@ -52,7 +53,7 @@ class NotSeen(Exception):
 
 class Plc:
     def __init__(self, port, scanned=lambda seconds: None):
-        """scanned: called with the time since the last scan, while a step of a pick is awaited."""
+        """scanned: called with None when a step of a pick begins, and with the time of each scan until it ends."""
         self.scanned = scanned
         self.modbus, self.beat, self.ended = Modbus(port), 0, threading.Event()
         self.modbus.write(PLC_WATCHDOG, 2000)
@@ -66,24 +67,21 @@ class Plc:
         return {"whole": r[SEQ] == r[SEQ_END], "good": r[OK] & JAWS == JAWS, "grip": r[GRIP_STATE], "grasped": bool(r[STATUS] & GRASPED), "weight": r[WEIGHT_STATE],
                 "kg": None if weight == UNKNOWN else weight * 1e-4, "sd_kg": r[WEIGHT_SD] * 1e-4}
 
-    def wait(self, step, condition):
-        left_s, doubt_s, before, seen = STEP_s, DOUBT_s, time.monotonic(), None
-        while left_s > 0 and doubt_s > 0 and not self.ended.is_set():
+    def wait(self, step, condition, seconds=STEP_s):
+        self.scanned(None)
+        until, seen = time.monotonic() + seconds, None
+        while time.monotonic() < until and not self.ended.is_set():
+            begun = time.monotonic()
             seen = self.scan()
             if seen["whole"] and condition(seen):
                 return seen
             time.sleep(SCAN_s)
-            took_s, before = time.monotonic() - before, time.monotonic()
-            if seen["good"]:
-                left_s -= took_s
-            else:
-                doubt_s -= took_s
-            self.scanned(took_s)
+            self.scanned(time.monotonic() - begun)
         raise NotSeen(step, seen)
 
     def pick(self, robot, grip_N=8.0):
         """Waits for two GOOD jaws, closes, waits for the grasp, lifts, waits for a stable weight. Returns the scan with the weight."""
-        self.wait("open gripper", lambda s: s["good"] and s["grip"] == OPEN)
+        self.wait("open gripper", lambda s: s["good"] and s["grip"] == OPEN, READY_s)
         self.modbus.write(GRIPPER_STATE, CLOSING)
         robot.close(grip_N)
         self.wait("grasp", lambda s: s["grasped"])

@@ -199,9 +199,7 @@ def _forgotten_tool(tool):
 
 def _is_fresh(t_ns, now_ns, limit_ms):
     """True if `t_ns` is within the limit. A time in the future is as bad as an old one: this clock then differs from
-    the daemon's. It is in the future of `now_ns` alone if this thread was interrupted before it read the record."""
-    if t_ns > now_ns:
-        now_ns = time.monotonic_ns()
+    the daemon's. The clock is read after the record, so that an interruption makes it older, never younger."""
     return abs(now_ns - t_ns) <= limit_ms * 1_000_000
 
 
@@ -443,17 +441,16 @@ class _Segment:
     def is_alive(self, t_published_ns, now_ns):
         """Returns True if the daemon published within its watchdog_ms. The time is that of any of its records; if it
         is recent enough, the node record is not read."""
-        if _is_fresh(t_published_ns, now_ns, self.header.watchdog_ms):
-            return True
-        record = self.node.latest()
-        return record is not None and _is_fresh(_NODE.values(record)[1], now_ns, self.header.watchdog_ms)
+        return _is_fresh(t_published_ns, now_ns, self.header.watchdog_ms) or self.is_beating()
 
-    def judged(self, sample, stale_ms, now_ns):
-        """Returns the sample, or a BAD one if it is too old, or if the daemon has ended, hangs or is dead."""
-        sample = _judged(sample, stale_ms, now_ns)
-        if self.is_current() and self.is_alive(sample.t_published_ns, now_ns):
-            return sample
-        return _invalidated(sample, DAEMON_STOPPED)
+    def is_beating(self):
+        """Returns True if the newest node record is at most watchdog_ms old. A record that is too old is read once more,
+        because this thread may have been interrupted after it read it."""
+        for _ in range(2):
+            record = self.node.latest()
+            if record is not None and _is_fresh(_NODE.values(record)[1], time.monotonic_ns(), self.header.watchdog_ms):
+                return True
+        return False
 
     def close(self):
         if self._fd is not None:
@@ -561,12 +558,17 @@ class Node(_Attached):
         if sensor not in segment.sensors:
             self._require(sensor)
             return _invalidated(_NOTHING, DAEMON_STOPPED)  # the successor does not have it
-        now_ns = time.monotonic_ns()
         info, ring = segment.sensors[sensor]
-        record = ring.latest()
-        if record is None:
-            return _invalidated(_NOTHING, READER_OVERRUN if ring.head() else NO_DATA_YET)
-        sample = segment.judged(Sample._make(_SAMPLE.values(record)), info.stale_ms, now_ns)
+        for _ in range(2):  # twice for the reason in is_beating()
+            record = ring.latest()
+            if record is None:
+                return _invalidated(_NOTHING, READER_OVERRUN if ring.head() else NO_DATA_YET)
+            now_ns = time.monotonic_ns()
+            sample = _judged(Sample._make(_SAMPLE.values(record)), info.stale_ms, now_ns)
+            if not sample.reasons & STALE:
+                break
+        if not (segment.is_current() and segment.is_alive(sample.t_published_ns, now_ns)):
+            sample = _invalidated(sample, DAEMON_STOPPED)
         self._stale = sample.reasons & (STALE | DAEMON_STOPPED) != 0
         return sample
 
@@ -765,9 +767,7 @@ class Follower(_Attached):
                                                                          # be one ahead of the head
                 number, self._next = self._next, ring.oldest_number()
                 self.lost += self._next - number & _WORD
-            record = segment.node.latest()
-            ended = (record is None or not segment.is_current() or
-                    not _is_fresh(_NODE.values(record)[1], time.monotonic_ns(), segment.header.watchdog_ms))
+            ended = not segment.is_current() or not segment.is_beating()
         self._broken = ended
         if not ended or self._last is None or self._last.reasons & DAEMON_STOPPED:
             return None

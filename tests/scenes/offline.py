@@ -1,4 +1,4 @@
-"""A scene without the daemon: simulate, decouple, and the zero that a tare at rest takes."""
+"""A scene without the daemon: simulate and decouple; and the zero of a scene, the mean of a time at rest."""
 import csv
 import math
 
@@ -45,7 +45,10 @@ def read_forces(path):
 def tared(series):
     zero = series.part(*TARE_S)
     for axis in range(3):
-        mean = sum(zero.force[axis]) / max(1, len(zero.t_s))
-        if not math.isnan(mean):
+        known = [f for f in zero.force[axis] if not math.isnan(f)]
+        if known:
+            mean = sum(known) / len(known)
             series.force[axis] = [f - mean for f in series.force[axis]]
+        else:
+            series.force[axis] = [math.nan] * len(series.t_s)
     return series

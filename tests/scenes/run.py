@@ -237,7 +237,7 @@ def row_of_follow(scene, name, expect, follow, truth):
             read.append((t_s, sample))
         if begin_s <= t_s <= end_s:
             reasons.update(sample.reasons_text)
-    series = Series([t for t, _ in read], [[s.raw_force_S_N[axis] for _, s in read] for axis in AXES],
+    series = Series([t for t, _ in read], [[s.force_S_N[axis] for _, s in read] for axis in AXES],
                     [[s.sd_force_N[axis] for _, s in read] for axis in AXES], [QUALITY[s.quality] for _, s in read])
     row = row_of(scene, name, expect, tared(series) if expect.get("tare", True) else series, truth, begin_s, end_s)
     row["quality"] += "".join(f" {word}" for word in sorted(reasons))
@@ -255,6 +255,9 @@ def run_scene(job):
         own.mkdir()
         truths = read_truth(truth_of(path, own), {name for name, _ in scene.expectations})
         speed = SPEED_WITH_MEMORY if any(model_of(c) == "piezo" for c in calibrations) else SPEED
+        for (name, expect) in scene.expectations:
+            if expect.get("tare", True) and any(any(force) for t_us, force in truths[name].items() if t_us <= TARE_S[1] * 1e6):
+                raise Refused(f"{name} is not at rest until {TARE_S[1]} s, so its zero is unknown; let the scene rest longer at first")
         follows = play(scene, effects, speed, calibrations, truths)
         rows = [row_of_follow(scene, name, expect, follow, truths[name])
                 for (name, expect), follow in zip(scene.expectations, follows)]

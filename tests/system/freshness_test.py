@@ -230,7 +230,7 @@ class Freshness(unittest.TestCase):
         for accept in (False, True):
             with self.subTest(accept=accept), Rig(False, False, sensor=f"accept_unproved_age = {str(accept).lower()}\ntare_ms = 200") as rig:
                 self.assertEqual(rig.latest().reasons, 0 if accept else tactiled.ARRIVAL_ONLY)
-                # The value is the time: 0.2 N within the window, three times what a tare of this noise lets pass.
+                # The value is the time: its means over quarters of the window differ by 0.15 N, three times what a tare lets pass.
                 done = rig.daemon.ctl("tare", "s")
                 self.assertEqual("moved" in done.stdout + done.stderr, accept, done)
                 rig.bridge.hold(1)

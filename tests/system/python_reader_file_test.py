@@ -203,10 +203,21 @@ class AFile(unittest.TestCase):
                     self.assertTrue(forces_are_nan(sample))
                 self.assertIn("stopped", next(left).reasons_text)
 
-    def test_whose_record_is_newer_than_the_time_of_an_interrupted_reader_is_judged_now(self):
-        t_ns = time.monotonic_ns()
-        self.assertTrue(tactiled._is_fresh(t_ns, t_ns - 10**9, 250))
-        self.assertFalse(tactiled._is_fresh(t_ns + 10**9, t_ns, 250))
+    def test_is_judged_by_the_clock_after_the_copy(self):
+        with a_copy(self.data) as copy:
+            copy.make_fresh()
+            copy.put("sensor", "stale_ms", 1000, at=copy.sensor_at())
+            with tactiled.open(copy.write()) as node:
+                read = node._segment.sensors["left"][1].latest
+
+                def interrupted():
+                    record = read()
+                    time.sleep(1.1)
+                    return record
+
+                self.assertNotIn("stale", node.latest("left").reasons_text)
+                node._segment.sensors["left"][1].latest = interrupted
+                self.assertIn("stale", node.latest("left").reasons_text)
 
     def test_whose_writer_died_within_a_sample_gives_no_half_one(self):
         with a_copy(self.data) as copy:

@@ -103,19 +103,27 @@ static inline int tactiled_is_current(const struct tactiled_segment* segment) {
     return (state == TACTILED_RUNNING || state == TACTILED_STARTING) &&
            tactiled_is_whole(segment->base, segment->size, segment->entry);
 }
-/* tactiled_is_fresh() for a record that was read after `now_ns`. A record may be newer than `now_ns` because this thread was
- * interrupted in between; the clock is then read again. */
-static inline int tactiled_is_recent(uint64_t t_ns, uint64_t now_ns, uint32_t limit_ms) {
-    if ((int64_t)(t_ns - now_ns) > 0) now_ns = tactiled_now_ns();
-    return tactiled_is_fresh(t_ns, now_ns, limit_ms);
+/* Returns the time at which a record that was just copied is judged: the clock's, or `now_ns` if that is later. The clock
+ * is read after the copy, so that an interruption of this thread makes the record older, never younger. */
+static inline uint64_t tactiled_judged_ns(uint64_t now_ns) {
+    const uint64_t clock_ns = tactiled_now_ns();
+    return clock_ns > now_ns ? clock_ns : now_ns;
+}
+/* Returns 1 if the newest node record is at most watchdog_ms old. A record that is too old is copied once more, because this
+ * thread may have been interrupted after the copy. */
+static inline int tactiled_is_beating(const struct tactiled_segment* segment, uint64_t now_ns) {
+    struct tactiled_node node;
+    int tries;
+    for (tries = 0; tries < 2; ++tries)
+        if (tactiled_ring_latest(segment->base, &segment->node, &node, sizeof node) &&
+            tactiled_is_fresh(node.t_ns, tactiled_judged_ns(now_ns), segment->watchdog_ms))
+            return 1;
+    return 0;
 }
 /* Returns 1 if the daemon published within its watchdog_ms. `t_published_ns` is the time of any of its records;
  * if that time is recent enough, the node record is not read. */
 static inline int tactiled_is_alive(const struct tactiled_segment* segment, uint64_t t_published_ns, uint64_t now_ns) {
-    struct tactiled_node node;
-    if (tactiled_is_recent(t_published_ns, now_ns, segment->watchdog_ms)) return 1;
-    return tactiled_ring_latest(segment->base, &segment->node, &node, sizeof node) &&
-           tactiled_is_recent(node.t_ns, now_ns, segment->watchdog_ms);
+    return tactiled_is_fresh(t_published_ns, now_ns, segment->watchdog_ms) || tactiled_is_beating(segment, now_ns);
 }
 
 static inline int tactiled_fits(const struct tactiled_segment* segment, uint64_t offset, uint64_t size, uint32_t alignment) {
@@ -195,9 +203,9 @@ static inline void tactiled_close(struct tactiled_segment* segment) {
     segment->base = NULL;
 }
 
-/* Copies the newest node record, judged at `now_ns`. Its grasp and its tool are "not known" if the daemon has ended, if the
- * daemon publishes no grasp (before 1.1), or if the record is older than a sensor's stale_ms, because the grasp
- * then does not reflect that its sensors are silent. Returns 1, or 0 if there is no record. */
+/* Copies the newest node record, judged after the copy, or at `now_ns` if that is later. Its grasp and its tool are "not
+ * known" if the daemon has ended, if the daemon publishes no grasp (before 1.1), or if the record is older than a sensor's
+ * stale_ms, because the grasp then does not reflect that its sensors are silent. Returns 1, or 0 if there is no record. */
 static inline int tactiled_latest_node(const struct tactiled_segment* segment, struct tactiled_node* node, uint64_t now_ns) {
     enum { kMinMs = 20 }; /* the daemon publishes at least each 10 ms */
     uint32_t i, limit_ms = segment->watchdog_ms;
@@ -206,7 +214,7 @@ static inline int tactiled_latest_node(const struct tactiled_segment* segment, s
         if (segment->stale_ms[i] < limit_ms) limit_ms = segment->stale_ms[i];
     if (limit_ms < kMinMs) limit_ms = kMinMs;
     if (segment->node.record_size < TACTILED_NODE_SIZE_1_1 || !tactiled_is_current(segment) ||
-        !tactiled_is_recent(node->t_ns, now_ns, limit_ms)) {
+        !tactiled_is_fresh(node->t_ns, tactiled_judged_ns(now_ns), limit_ms)) {
         tactiled_forget_grasp(&node->grasp);
         tactiled_forget_tool(&node->tool);
     }
@@ -308,19 +316,26 @@ static inline void tactiled_no_sensor(const struct tactiled_segment* segment, co
                        tactiled_sensor_of(segment, i)->name);
 }
 
-/* Copies the newest sample of a sensor, judged at `now_ns`: BAD if it is older than stale_ms, if the daemon has
- * ended, or if the daemon has published nothing for watchdog_ms. Returns 0 and a BAD sample if there is none. */
+/* Copies the newest sample of a sensor, judged after the copy, or at `now_ns` if that is later: BAD if it is older than
+ * stale_ms, if the daemon has ended, or if the daemon has published nothing for watchdog_ms. Returns 0 and a BAD sample if
+ * there is none. */
 static inline int tactiled_latest(const struct tactiled_segment* segment, uint32_t index, struct tactiled_sample* sample,
                                   uint64_t now_ns) {
     const struct tactiled_ring* ring = &segment->ring[index];
-    if (!tactiled_ring_latest(segment->base, ring, sample, sizeof *sample)) {
-        memset(sample, 0, sizeof *sample);
-        tactiled_invalidate(sample,
-                            tactiled_ring_head(segment->base, ring) == 0 ? TACTILED_NO_DATA_YET : TACTILED_READER_OVERRUN);
-        return 0;
+    uint64_t judged_ns = 0;
+    int tries, is_fresh = 0;
+    for (tries = 0; tries < 2 && !is_fresh; ++tries) { /* twice, as in tactiled_is_beating() */
+        if (!tactiled_ring_latest(segment->base, ring, sample, sizeof *sample)) {
+            memset(sample, 0, sizeof *sample);
+            tactiled_invalidate(
+                sample, tactiled_ring_head(segment->base, ring) == 0 ? TACTILED_NO_DATA_YET : TACTILED_READER_OVERRUN);
+            return 0;
+        }
+        judged_ns = tactiled_judged_ns(now_ns);
+        is_fresh = tactiled_is_fresh(sample->t_ns, judged_ns, segment->stale_ms[index]);
     }
-    if (!tactiled_is_recent(sample->t_ns, now_ns, segment->stale_ms[index])) tactiled_invalidate(sample, TACTILED_STALE);
-    if (!tactiled_is_current(segment) || !tactiled_is_alive(segment, sample->t_published_ns, now_ns))
+    if (!is_fresh) tactiled_invalidate(sample, TACTILED_STALE);
+    if (!tactiled_is_current(segment) || !tactiled_is_alive(segment, sample->t_published_ns, judged_ns))
         tactiled_invalidate(sample, TACTILED_DAEMON_STOPPED);
     return 1;
 }
@@ -537,10 +552,10 @@ static inline int tactiled_reader_ready(struct tactiled_reader* r) {
 static inline void tactiled_reader_latest(struct tactiled_reader* r, struct tactiled_sample* sample) {
     uint64_t now_ns;
     if (tactiled_reader_ready(r)) {
-        now_ns = tactiled_now_ns();
-        tactiled_latest(&r->segment, (uint32_t)r->index, sample, now_ns);
-        /* the daemon may be dead and its file removed, or a successor may exist */
-        if (sample->quality == TACTILED_BAD && now_ns - r->tried_ns >= 10000000u) tactiled_reader_attach(r, now_ns);
+        tactiled_latest(&r->segment, (uint32_t)r->index, sample, 0);
+        if (sample->quality != TACTILED_BAD) return;
+        now_ns = tactiled_now_ns(); /* the daemon may be dead and its file removed, or a successor may exist */
+        if (now_ns - r->tried_ns >= 10000000u) tactiled_reader_attach(r, now_ns);
         return;
     }
     memset(sample, 0, sizeof *sample);
@@ -561,7 +576,6 @@ static inline int tactiled_reader_end(struct tactiled_reader* r, struct tactiled
  * the reason and returns 1. */
 static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactiled_sample* sample) {
     const struct tactiled_ring* ring;
-    struct tactiled_node node;
     uint32_t number, behind;
     int disconnected = r->index < 0;
     if (!disconnected) {
@@ -573,9 +587,7 @@ static inline int tactiled_reader_look(struct tactiled_reader* r, struct tactile
             tactiled_ring_seek(r->segment.base, ring, &r->cursor, 1);
             r->cursor.lost += r->cursor.next - number;
         }
-        disconnected = !tactiled_is_current(&r->segment) ||
-                       !tactiled_ring_latest(r->segment.base, &r->segment.node, &node, sizeof node) ||
-                       !tactiled_is_fresh(node.t_ns, tactiled_now_ns(), r->segment.watchdog_ms);
+        disconnected = !tactiled_is_current(&r->segment) || !tactiled_is_beating(&r->segment, 0);
     }
     if (!disconnected) {
         r->broken = 0; /* the daemon hung and has recovered */

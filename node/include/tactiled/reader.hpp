@@ -77,13 +77,13 @@ public:
         return text;
     }
 
-    // Copies the newest sample of a sensor, judged at `now_ns`. Returns false and a BAD sample if there is
-    // none.
-    bool latest(std::uint32_t index, tactiled_sample& sample, std::uint64_t now_ns = monotonic_ns()) const noexcept {
+    // Copies the newest sample of a sensor, judged after the copy, or at `now_ns` if that is later. Returns false and a BAD
+    // sample if there is none.
+    bool latest(std::uint32_t index, tactiled_sample& sample, std::uint64_t now_ns = 0) const noexcept {
         return tactiled_latest(c_, index, &sample, now_ns) != 0;
     }
-    // Copies the newest node record; its grasp and its tool are judged at `now_ns`. Returns false if there is none.
-    bool latest_node(tactiled_node& node, std::uint64_t now_ns = monotonic_ns()) const noexcept {
+    // Copies the newest node record; its grasp and its tool are judged likewise. Returns false if there is none.
+    bool latest_node(tactiled_node& node, std::uint64_t now_ns = 0) const noexcept {
         return tactiled_latest_node(c_, &node, now_ns) != 0;
     }
 

@@ -390,18 +390,31 @@ TEST_F(SegmentTest, ASampleOrADaemonOfAnotherClockIsNotBelieved) {
     EXPECT_NE(s.reasons & TACTILED_DAEMON_STOPPED, 0u);
 }
 
-TEST_F(SegmentTest, ARecordThatIsNewerThanTheTimeOfAnInterruptedReaderIsJudgedNow) {
-    constexpr std::uint64_t kInterruption_ns = 1'000'000'000;  // longer than stale_ms and watchdog_ms
-    SegmentWriter writer(plan());
+TEST_F(SegmentTest, TheClockAfterTheCopyJudgesARecord) {
+    constexpr std::uint64_t kHour_ns = 3600'000'000'000u;
+    SegmentPlan p = plan();
+    p.sensors[0].stale_ms = 10'000;
+    SegmentWriter writer(p);
     writer.set_state(TACTILED_RUNNING);
-    beat(writer, 1);
-    writer.publish(0, sample(0));
-    tactiled_sample s{};
     const Segment segment = Segment::open(name_);
-    ASSERT_TRUE(segment.latest(0, s, monotonic_ns() - kInterruption_ns));
-    EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD)) << s.reasons;
-    ASSERT_TRUE(segment.latest(0, s, monotonic_ns() + kInterruption_ns));
-    EXPECT_EQ(s.quality, unsigned(TACTILED_BAD));
+    const auto quality_of = [&](std::uint64_t t_ns, std::uint64_t now_ns) {
+        tactiled_sample s = sample(0);
+        s.t_ns = t_ns;
+        tactiled_node node{};
+        node.t_ns = t_ns;
+        node.grasp.weight_kg = 1;
+        writer.publish(0, s);
+        writer.publish(node);
+        EXPECT_TRUE(segment.latest(0, s, now_ns));
+        EXPECT_TRUE(segment.latest_node(node, now_ns));
+        EXPECT_EQ(std::isnan(node.grasp.weight_kg), s.quality == TACTILED_BAD);
+        return s.quality;
+    };
+    const std::uint64_t now_ns = monotonic_ns(), old_ns = now_ns - 20'000'000'000u;
+    EXPECT_EQ(quality_of(now_ns, old_ns), unsigned(TACTILED_GOOD)) << "interrupted before the copy";
+    EXPECT_EQ(quality_of(old_ns, old_ns), unsigned(TACTILED_BAD)) << "interrupted before or after the copy";
+    EXPECT_EQ(quality_of(now_ns, now_ns + kHour_ns), unsigned(TACTILED_BAD)) << "a later time that is given";
+    EXPECT_EQ(quality_of(now_ns + kHour_ns, now_ns), unsigned(TACTILED_BAD)) << "another clock";
 }
 
 TEST_F(SegmentTest, BeforeTheFirstSampleThereIsNoDataYet) {
