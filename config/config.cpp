@@ -119,7 +119,8 @@ const Fields<RealtimeSettings>& realtime_fields() {
         {TACTILED_KEY(S, required), false,
          "If true, the daemon ends when the priority or the memory lock is refused. If false, it runs with RT_DEGRADED."},
         {TACTILED_KEY(S, period_us), 10'000, range(50, 100'000), "us",
-         "Longest time between two cycles of the pipeline. Frames, commands and time limits do not wait for it."},
+         "Longest time between two cycles of the pipeline while a sensor delivers. Frames, commands and time limits do not "
+         "wait."},
     };
     return fields;
 }

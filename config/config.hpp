@@ -34,7 +34,7 @@ struct RealtimeSettings {
     int cpu;       // -1: any
     bool lock_memory;
     bool required;  // missing permissions end the daemon instead of setting RT_DEGRADED
-    int period_us;  // longest time between two cycles of the pipeline
+    int period_us;  // longest time between two cycles of the pipeline while a sensor delivers
 };
 
 struct LinkSettings {

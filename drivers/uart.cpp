@@ -26,9 +26,11 @@ namespace {
 
 constexpr int kConnectMs = 800;                     // open() may block for a second
 constexpr std::uint64_t kSilentNs = 1'000'000'000;  // the request for a stream is repeated after this silence
-constexpr std::uint64_t kAwayMs = 950;              // bytes may wait this long, plus the cycle of read() (50 ms in the node)
-constexpr int kSliceMs = 10;                        // duration of one slice of a wait, see kLateMs
-constexpr std::uint64_t kLateMs = 20;               // a running process continues this soon after the end of a slice
+constexpr std::uint64_t kAwayMs = 1000;             // bytes may wait this long
+// A wait is divided into slices, so that a stop of the process is noticed. After a silence a slice is a fortieth of it: the
+// first bytes after it are dated with that error, which is at most stale_ms / 40 while their sensor is GOOD.
+constexpr int kSliceMs = 10, kSilencePerSlice = 40;
+constexpr std::uint64_t kLateMs = 20;  // a running process continues this soon after the end of a slice
 // Interval of the requests for an echo, and the same while no frame comes: the frame that ends a silence is then known to
 // be as young as the last answer.
 constexpr std::uint64_t kEchoNs = 200'000'000, kSilentEchoNs = 25'000'000;
@@ -69,7 +71,7 @@ public:
         if (fd_ < 0) return why;
         decoder_->reset();
         is_direct_ = declared_path_.empty() ? !network_ && is_local_tty(path_) : declared_path_ == "direct";
-        asked_ns_ = now_ns();
+        asked_ns_ = heard_ns_ = now_ns();
         asked_again_ = streamed_ = false;
         answered_ = {};
         if (!ask_for_stream(!network_)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
@@ -91,13 +93,12 @@ public:
             asked_again_ = streamed_;
             if (!ask_for_stream(false)) return Status::disconnected;
         }
-        // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its cycle. The wait
-        // is divided into slices, so that a stop of the process is noticed. Without a time limit, read() alone shows
-        // whether bytes are there.
-        const std::uint64_t cycle_ns = std::uint64_t(timeout_ms) * 1'000'000;
+        // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its cycle. Without a time
+        // limit, read() alone shows whether bytes are there.
         int ready = timeout_ms == 0;
         for (int left_ms = timeout_ms; ready == 0;) {
-            const int slice_ms = std::min(left_ms, kSliceMs);
+            const std::uint64_t silence_ms = (now_ns() - heard_ns_) / 1'000'000;
+            const int slice_ms = std::min(left_ms, std::max(kSliceMs, int(silence_ms / kSilencePerSlice)));
             const std::uint64_t waits_ns = with_suspend_ns();
             pollfd waiting{fd_, POLLIN, 0};
             const timespec timeout{0, long(slice_ms) * 1'000'000};
@@ -114,9 +115,9 @@ public:
         if (size < 0 && errno == EAGAIN) empty_ns_ = reads_ns;
         if (size < 0 && (errno == EINTR || errno == EAGAIN)) return Status::timeout;
         if (size <= 0) return hang_up();  // 0 on a tty is a hang-up and not an end of file
-        const std::uint64_t t_ns = now_ns();
+        const std::uint64_t t_ns = heard_ns_ = now_ns();
         const std::uint64_t waited_ns = with_suspend_ns() - empty_ns_;
-        if (waited_ns > cycle_ns + kAwayMs * 1'000'000) return too_old(std::size_t(size));
+        if (waited_ns > kAwayMs * 1'000'000) return too_old(std::size_t(size));
         since_ns_ = waited_ns > (kSliceMs + kLateMs) * 1'000'000 ? t_ns - waited_ns : 0;
         if (std::size_t(size) + 1 < bytes_.size()) empty_ns_ = reads_ns;  // a read from a full tty returns one byte less
         decoder_->push({bytes_.data(), std::size_t(size)}, t_ns, t_ns - waited_ns);
@@ -166,6 +167,7 @@ public:
         return {.path = is_direct_ ? Route::Path::direct : Route::Path::network,
                 .device_clock = true,
                 .reopening_discards = network_ && !is_direct_,
+                .has_echo = echo_,
                 .clock_ppm = clock_ppm_,
                 .is_new = !network_ && hung_up_at_open_,
                 .is_assumed = declared_path_.empty()};
@@ -265,6 +267,7 @@ private:
     int fd_ = -1;
     // time, with_suspend_ns(), at which no bytes waited: bytes read arrived later
     std::uint64_t empty_ns_ = 0;
+    std::uint64_t heard_ns_ = 0;                   // time of the opening, or of the last bytes
     std::uint64_t since_ns_ = 0;                   // argument since_ns of the bytes in the decoder, see Frame
     std::uint64_t asked_ns_ = 0;                   // time of the request for the stream, or of its last frame
     bool asked_again_ = false, streamed_ = false;  // since open(); a device that is only late was not restarted

@@ -7,8 +7,10 @@ namespace {
 
 constexpr std::uint64_t kMs = 1'000'000, kSecond = 1000 * kMs;
 constexpr std::uint64_t kHeartbeatNs = 100 * kMs;
-// Longest time between two records. Readers forget the grasp and the tool after 20 ms (reader.h), if a stale_ms is as short.
+// Longest time between two records while a sensor delivers. Readers forget the grasp and the tool after 20 ms (reader.h), if
+// a stale_ms is as short.
 constexpr std::uint64_t kNodeRecordNs = 10 * kMs;
+constexpr std::uint64_t kRecordsPerWatchdog = 3;  // readers take the daemon for dead after watchdog_ms without one
 
 template <typename Bit>
 std::uint32_t bit_if(bool on, Bit bit) noexcept {
@@ -71,10 +73,15 @@ void NodeRecord::account(std::uint64_t cycle_ns, std::uint64_t missed) noexcept 
     worst_ns_ = 0;
 }
 
-bool NodeRecord::is_due(std::uint64_t now_ns) const noexcept { return has_news_ || now_ns - node_.t_ns >= kNodeRecordNs; }
+std::uint64_t NodeRecord::interval_ns() const noexcept {
+    const std::uint64_t watchdog_ns = segment_.watchdog_ms() * kMs / kRecordsPerWatchdog;
+    return std::min(watchdog_ns, is_delivering() ? kNodeRecordNs : kIdleNs);
+}
+
+bool NodeRecord::is_due(std::uint64_t now_ns) const noexcept { return has_news_ || now_ns - node_.t_ns >= interval_ns(); }
 
 std::uint64_t NodeRecord::deadline_ns() const noexcept {
-    const std::uint64_t record_ns = node_.t_ns + kNodeRecordNs;
+    const std::uint64_t record_ns = node_.t_ns + interval_ns();
     return is_delivering() ? std::min(record_ns, heartbeat_ns_ + kHeartbeatNs) : record_ns;
 }
 
@@ -104,6 +111,10 @@ void NodeRecord::publish(std::uint64_t now_ns, const Tares& tares, const tactile
                    bit_if(node_.fault != 0, TACTILED_FAULT);
     node_.grasp = grasp;
     node_.tool = tool;
+    if (!is_delivering()) {  // as readers do with a record that is older than a stale_ms
+        tactiled_forget_grasp(&node_.grasp);
+        tactiled_forget_tool(&node_.tool);
+    }
     node_.t_ns = now_ns;
     segment_.publish(node_);
     ++node_.sequence;

@@ -19,6 +19,8 @@ namespace tactiled {
 
 class NodeRecord {
 public:
+    static constexpr std::uint64_t kIdleNs = 100'000'000;  // longest time between two records while no sensor delivers
+
     // `status` holds bits that never change while the daemon runs: SIMULATED. setup
     NodeRecord(const std::vector<std::unique_ptr<Link>>& links, const std::vector<Sensor>& sensors, SegmentWriter& segment,
                std::uint32_t status)
@@ -60,16 +62,19 @@ public:
     // Shows or hides the warning that the last reload was refused. rt: wait-free; from any thread
     void set_reload_refused(bool refused) noexcept { reload_refused_.store(refused, std::memory_order_relaxed); }
 
-    // Returns true if something has changed since the last record, or the record is 10 ms old. rt: bounded by
-    // the number of sensors
+    // Returns true if something has changed since the last record, or the next one is due. rt: bounded by the number of
+    // sensors
     [[nodiscard]] bool is_due(std::uint64_t now_ns) const noexcept;
     // Returns the time of the next record or heartbeat if nothing changes until then. rt: bounded by the number of sensors
     [[nodiscard]] std::uint64_t deadline_ns() const noexcept;
     // rt: bounded by the number of sensors and links
     void publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp, const tactiled_tool& tool) noexcept;
 
-private:
+    // Returns true if a sensor delivers. rt: bounded by the number of sensors
     [[nodiscard]] bool is_delivering() const noexcept;
+
+private:
+    [[nodiscard]] std::uint64_t interval_ns() const noexcept;  // longest time between two records
     void latch(std::uint32_t faults) noexcept {
         node_.fault |= faults;
         seen_ |= faults;

@@ -95,6 +95,8 @@ void Pipeline::run() noexcept {
         if (published && readers_ != nullptr) readers_->published();
         record_.account(monotonic_ns() - now_ns, missed_.exchange(0, std::memory_order_relaxed));
         deadline_ns_.store(next_deadline_ns(now_ns), std::memory_order_relaxed);
+        const bool was_idle = is_idle_.exchange(!record_.is_delivering(), std::memory_order_relaxed);
+        if (was_idle && record_.is_delivering()) wake();  // the pipeline's thread sleeps longer than the new time limits
         if (cycles_ != nullptr) cycles_->count();
     });
     if (!done) wake();

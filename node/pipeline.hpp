@@ -71,6 +71,8 @@ public:
     // until then.
     // rt: wait-free; from any thread
     [[nodiscard]] std::uint64_t deadline_ns() const noexcept { return deadline_ns_.load(std::memory_order_relaxed); }
+    // Returns true if no sensor delivered in the last cycle. rt: wait-free; from any thread
+    [[nodiscard]] bool is_idle() const noexcept { return is_idle_.load(std::memory_order_relaxed); }
     // Adds the number of periods that the pipeline's thread missed. rt: wait-free; from any thread
     void add_missed(std::uint64_t periods) noexcept { missed_.fetch_add(periods, std::memory_order_relaxed); }
 
@@ -118,6 +120,7 @@ private:
     Waker* readers_ = nullptr;
     Progress::Liveness* cycles_ = nullptr;
     std::atomic<std::uint64_t> deadline_ns_{0}, missed_{0};
+    std::atomic<bool> is_idle_{false};
 };
 
 }  // namespace tactiled

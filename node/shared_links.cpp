@@ -5,7 +5,7 @@
 
 namespace tactiled {
 namespace {
-constexpr std::uint64_t kJudgeNs = 100'000'000;
+constexpr std::uint64_t kJudgeNs = 500'000'000;  // interval between two measurements of the rate
 constexpr std::uint64_t kLookForStopNs = 50'000'000;
 }  // namespace
 
@@ -76,13 +76,12 @@ void SharedLinks::run(Progress::Liveness& cycles, const std::atomic<bool>& stop)
         judge(now_ns);
         // polls once more after sharing has ended, so that the links are returned
         polls = was_active || active_.load(std::memory_order_relaxed);
-        const std::uint64_t period_ns = polls ? kPollNs : kLookForStopNs;
-        next_ns += period_ns;
-        if (next_ns <= now_ns) next_ns = now_ns + period_ns;  // skips missed polls
+        next_ns += kPollNs;
+        if (next_ns <= now_ns) next_ns = now_ns + kPollNs;  // skips missed polls
         if (polls)
             sleep_until(next_ns);
         else
-            (void)end_.sleep(seen, next_ns);
+            (void)end_.sleep(seen, judged_ns_ + kJudgeNs);
     }
 }
 

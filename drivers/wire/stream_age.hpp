@@ -19,6 +19,7 @@ struct Route {
     } path = Path::direct;
     bool device_clock = false;        // device_time_us is the time of the measurement
     bool reopening_discards = false;  // the path may drop its waiting frames when the link is closed: TCP
+    bool has_echo = false;            // the device answers requests for its time
     double clock_ppm = 200;           // largest error of the device's clock or rate against this machine's
     bool is_new = false;              // the port hung up before this opening: nothing waits on the way
     bool is_assumed = false;          // `direct` is the kernel's word, not the user's: a radio may hang on the port
@@ -126,7 +127,7 @@ private:
     void begin(const Frame& frame, double silence_ns) noexcept;
     void advance(const Frame& frame, std::uint64_t host_ns, double step_ns) noexcept;
     void begin_again(double error_ns) noexcept;
-    void follow(double step_ns, double advance_ns, bool is_next) noexcept;
+    void follow(double step_ns, double advance_ns, bool is_explained) noexcept;
     void release() noexcept {
         held_ns_ = kNone_ns;
         keeps_ = false;
@@ -210,7 +211,8 @@ inline void StreamAge::begin_again(double error_ns) noexcept {
     second_ = {};
 }
 
-inline void StreamAge::follow(double step_ns, double advance_ns, bool is_next) noexcept {
+// `is_explained`: a rise of x is no lag.
+inline void StreamAge::follow(double step_ns, double advance_ns, bool is_explained) noexcept {
     up_ += (slope_ + drift_) * step_ns;
     low_ += (slope_ - drift_) * step_ns;
     if (is_clock_ && x_ < std::min(low_, up_) - kJitter_ns)  // the clock was set on, or this machine stood still
@@ -222,8 +224,10 @@ inline void StreamAge::follow(double step_ns, double advance_ns, bool is_next) n
     const double by_rate = is_direct() ? 0 : keeps_ ? -drift_ : route_.clock_ppm * 1e-6;      // a rate may look like a lag
     held_ns_ += (slope_ + by_rate) * step_ns;
     if (x_ < held_ns_) release();
-    const bool is_held = (is_clock_ || is_direct()) && risen_ns > kJitter_ns / 2 && !(is_next && advance_ns < -kJitter_ns);
-    if (is_held && held_ns_ <= kNone_ns) held_ns_ = x_ - risen_ns / 2;
+    const double least_ns = is_direct() ? kJitter_ns : kJitter_ns / 2;
+    const bool is_held = (is_clock_ || is_direct()) && risen_ns > least_ns && !is_explained;
+    // A cable's frames are proved near up_ only, so half of the way back is enough there.
+    if (is_held && held_ns_ <= kNone_ns) held_ns_ = x_ - risen_ns + (is_direct() ? risen_ns / 2 : least_ns);
 }
 
 // The first frame after an opening for a proof. If the frames of the time in which the link was closed are missing, the
@@ -329,7 +333,10 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
         const double after_ns = is_clock_ ? double(std::int32_t(device_us_ - frame.answered_us)) * 1e3 : 0;
         prove(double(std::int64_t(host_ns - asked_ns)) - after_ns);
     }
-    if (is_direct() && is_fresh && x_ - up_ < kJitter_ns && held_ns_ <= kNone_ns) prove(x_ - up_);
+    if (is_direct() && is_fresh) {
+        if (!route_.is_assumed && x_ - up_ > kJitter_ns) begin_again(0);  // more than a cable delays: its clock is wrong
+        if (x_ - up_ < kJitter_ns && held_ns_ <= kNone_ns) prove(x_ - up_);
+    }
     is_opened_ = false;
     has_frame_ = true;
     sequence_ = frame.sequence;
@@ -347,8 +354,8 @@ inline void StreamAge::begin(const Frame& frame, double silence_ns) noexcept {
     drift_ = proof_ == Proof::arrival ? 0 : is_unknown ? kMaxRate : route_.clock_ppm * 1e-6;
     begin_again(has_frame_ ? silence_ns + x_ - up_ + error_ns() : 0);
     if (has_frame_) return;
-    // The first frames may have waited, which an opening can show.
-    if (route_.reopening_discards && proof_ != Proof::arrival)
+    // The first frames may have waited, which an opening or an answer can show.
+    if ((route_.reopening_discards || route_.has_echo) && proof_ != Proof::arrival)
         doubt_ns_ = 2 * stale_ns_;
     else
         low_ = x_ - std::min(kFirst_ns, stale_ns_ / 4);
@@ -363,8 +370,11 @@ inline void StreamAge::advance(const Frame& frame, std::uint64_t host_ns, double
     const double begun_ns = double(device_us_) * 1e3;
     const bool has_begun = is_clock_ ? std::abs(step_ns - advance_ns) > kBegun_ns && begun_ns < step_ns + kBegun_ns
                                      : is_opened_ && advance_ns > most_ns;
-    // Its number goes on, so a clock that went back was set back.
+    const bool is_asked = is_opened_ && opened_ns_ != 0;
+    // An opening has lost frames, and the path has kept this one; or its clock was set back, because its number goes on.
     const bool is_next = frame.has_sequence && !is_opened_ && frame.sequence == sequence_ + 1 + frame.lost;
+    const bool is_kept = is_asked && advance_ns >= (double(opened_ns_) - double(host_ns_)) / 2;
+    const bool is_explained = is_kept || (is_next && advance_ns < -kJitter_ns);
     if (has_begun) {  // the device has restarted
         begin_again(bound_ns + step_ns);
         last_ = {};
@@ -372,8 +382,8 @@ inline void StreamAge::advance(const Frame& frame, std::uint64_t host_ns, double
     } else if (is_clock_ && advance_ns < 0 && is_direct())
         begin_again(bound_ns + step_ns);  // its clock was set back; a network may send old frames again
     else
-        follow(step_ns, advance_ns, is_next);
-    if (is_opened_ && !has_begun && opened_ns_ != 0) test_opening(frame, advance_ns, most_ns, double(host_ns));
+        follow(step_ns, advance_ns, is_explained);
+    if (is_asked && !has_begun) test_opening(frame, advance_ns, most_ns, double(host_ns));
 }
 
 inline void StreamAge::publish(Frame& frame, std::uint64_t host_ns, double waited_ns) noexcept {

@@ -35,7 +35,7 @@ void Follower::look() {
         why_ = "the daemon is starting";
     } else if (!segment_.is_current()) {
         why_ = "the daemon has ended";
-    } else if (tactiled_is_fresh(node_.t_ns, monotonic_ns(), segment_.header().watchdog_ms) == 0) {
+    } else if (tactiled_is_alive(segment_.c(), node_.t_ns, monotonic_ns()) == 0) {
         why_ = "the daemon does not respond: it was killed, or hangs";
     } else {
         alive_ = true;

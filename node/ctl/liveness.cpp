@@ -26,7 +26,7 @@ Liveness liveness_of(const SegmentView& segment) {
     tactiled_node node{};
     if (!segment.latest_node(node)) return {};  // it is starting
     const std::uint64_t now_ns = monotonic_ns();
-    if (tactiled_is_fresh(node.t_ns, now_ns, h.watchdog_ms) != 0) return {};
+    if (tactiled_is_alive(segment.c(), node.t_ns, now_ns) != 0) return {};
     const double silent_s = now_ns > node.t_ns ? double(now_ns - node.t_ns) / 1e9 : 0;
     if (is_a_daemon(std::uint32_t(h.pid)))
         return {"hangs", fmt::format("the daemon of node \"{}\" (pid {}) has published nothing for {:.1f} s: it hangs or "

@@ -22,6 +22,7 @@
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/liveness.hpp"
 #include "node/ctl/sample_message.hpp"
+#include "node/ctl/status_text.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/setup.hpp"
 #include "node/shm/frame_record.hpp"
@@ -105,7 +106,7 @@ TextFiles::List configuration_files(const Segment& segment, const Args& args) {
 class Recording {
 public:
     Recording(const Segment& segment, const Args& args)
-        : files_(configuration_files(segment, args)), file_(args.file, args.overwrite, args.compression) {
+        : segment_(segment), files_(configuration_files(segment, args)), file_(args.file, args.overwrite, args.compression) {
         const std::string node = segment.header().name;
         const auto of_frames =
             file_.add_schema(std::string(mcap::kFrameSchema), "ros2msg", std::string(mcap::kFrameDefinition));
@@ -161,7 +162,9 @@ public:
                 file_.message(link.channel, frame.sequence, wall(frame.t_ns), message_);
             }
         tactiled_sample sample;
-        for (auto& sensor : sensors_)
+        for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
+            SensorTail& sensor = sensors_[i];
+            const auto age_bound_s = float(age_bound_ms(segment_, i) / 1000);
             while (sensor.tail.next(sample)) {
                 const auto number = std::uint32_t(sample.sequence);
                 encode_sample(sample, wall(sample.t_ns), message_);
@@ -169,12 +172,13 @@ public:
                 // Every sample has a wrench, so that a plot has no gaps; a BAD one has no numbers.
                 encode_wrench(sample, sensor.frame_id, wall(sample.t_ns), message_);
                 file_.message(sensor.wrenches, number, wall(sample.t_ns), message_);
-                encode_quality(sample, wall(sample.t_ns), message_);
+                encode_quality(sample, age_bound_s, wall(sample.t_ns), message_);
                 file_.message(sensor.qualities, number, wall(sample.t_ns), message_);
                 if (sensor.csv)
                     sensor.csv->write(double(sample.t_ns) / 1e9, estimate_of(sample),
                                       quality_text(sample.quality, sample.reasons));
             }
+        }
         tactiled_node node;
         while (tool_ && tool_->tail.next(node)) {
             const tactiled_tool& tool = node.tool;
@@ -227,6 +231,7 @@ private:
         std::uint16_t whole, wrenches;
         std::tuple<std::uint64_t, std::uint32_t, std::uint32_t> last{};
     };
+    const Segment& segment_;
     TextFiles::List files_;  // read first: without a configuration that was named there is no recording
     mcap::Writer file_;
     std::vector<LinkTail> links_;

@@ -70,6 +70,7 @@ const std::string_view kQualityDefinition =
 builtin_interfaces/Time stamp
 uint32 quality  # 1 good, 2 uncertain, 3 bad
 uint32 reasons  # tactiled/layout.h, enum tactiled_reason
+float32 age_bound_s  # largest possible age of the newest frame, when this was recorded; NaN: not known
 string text     # "uncertain:saturated"
 ================================================================================
 MSG: builtin_interfaces/Time
@@ -142,11 +143,12 @@ void encode_wrench(const tactiled_sample& sample, const std::string& frame_id, s
     for (const double torque_Nm : sample.torque_S_Nm) cdr.put(torque_Nm);
 }
 
-void encode_quality(const tactiled_sample& sample, std::uint64_t wall_ns, std::string& out) {
+void encode_quality(const tactiled_sample& sample, float age_bound_s, std::uint64_t wall_ns, std::string& out) {
     CdrWriter cdr(out);
     put_time(cdr, wall_ns);
     cdr.put(sample.quality);
     cdr.put(sample.reasons);
+    cdr.put(age_bound_s);
     cdr.put(std::string_view(quality_text(sample.quality, sample.reasons)));
 }
 

@@ -29,7 +29,7 @@ void encode_sample(const tactiled_sample& sample, std::uint64_t wall_ns, std::st
 // component. `frame_id`: the sensor.
 void encode_wrench(const tactiled_sample& sample, const std::string& frame_id, std::uint64_t wall_ns, std::string& out);
 // Encodes quality and reasons of a sample as numbers and words, to be shown beside its wrench.
-void encode_quality(const tactiled_sample& sample, std::uint64_t wall_ns, std::string& out);
+void encode_quality(const tactiled_sample& sample, float age_bound_s, std::uint64_t wall_ns, std::string& out);
 // The wrench on the gripper: whole, and as a WrenchStamped of frame `frame_id`.
 void encode_tool(const tactiled_tool& tool, std::uint64_t wall_ns, std::string& out);
 void encode_wrench(const tactiled_tool& tool, const std::string& frame_id, std::uint64_t wall_ns, std::string& out);

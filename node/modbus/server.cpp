@@ -19,7 +19,8 @@
 namespace tactiled {
 namespace {
 
-constexpr std::uint64_t kTickNs = 50'000'000;  // longest delay of time limits
+// Longest delay of time limits, and the same without a client: half of kAwayNs.
+constexpr std::uint64_t kTickNs = 50'000'000, kIdleTickNs = 500'000'000;
 constexpr std::uint64_t kAnyTime = ~std::uint64_t(0);
 // A command that waited for so long while the process or the machine stood still is not carried out: its sender has given
 // up.
@@ -49,8 +50,7 @@ ModbusServer::ModbusServer(std::string node_name, const ModbusSettings& settings
       line_(settings.rtu) {
     epoll_ = ::epoll_create1(EPOLL_CLOEXEC);
     ticks_ = ::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
-    const itimerspec tick{{0, kTickNs}, {0, kTickNs}};
-    if (epoll_ < 0 || ticks_ < 0 || ::timerfd_settime(ticks_, 0, &tick, nullptr) != 0)
+    if (epoll_ < 0 || ticks_ < 0 || !set_tick(kTickNs))
         throw SetupError(fmt::format("Modbus: epoll, timer: {}", std::strerror(errno)));
     watch(epoll_, EPOLL_CTL_ADD, ticks_, EPOLLIN);
     line_.session.may_write = settings.commands;  // every device on the wire is allowed
@@ -103,6 +103,14 @@ void ModbusServer::cycle() {
     if (!settings_.rtu.device.empty()) serve_line(monotonic_ns(), line_readable);
     serve_held_back(now_ns);
     if (ticked) tick(now_ns);
+    (void)set_tick(clients_.empty() && settings_.rtu.device.empty() ? kIdleTickNs : kTickNs);
+}
+
+bool ModbusServer::set_tick(std::uint64_t interval_ns) noexcept {
+    if (interval_ns == tick_ns_) return true;
+    tick_ns_ = interval_ns;
+    const itimerspec tick{{0, long(interval_ns)}, {0, long(interval_ns)}};
+    return ::timerfd_settime(ticks_, 0, &tick, nullptr) == 0;
 }
 
 // Normally waits without a time limit: a limit makes each wait cost several microseconds more on a virtual machine.

@@ -47,6 +47,7 @@ private:
     void cycle();
     int wait_for(std::span<epoll_event> events) const noexcept;
     void tick(std::uint64_t now_ns);  // called some times per second
+    [[nodiscard]] bool set_tick(std::uint64_t interval_ns) noexcept;
     [[nodiscard]] std::uint64_t next_due_ns() const noexcept;
     void serve_held_back(std::uint64_t now_ns);
     void serve_line(std::uint64_t now_ns, bool readable);
@@ -67,6 +68,7 @@ private:
     int watched_line_ = -1;
 
     int epoll_ = -1, ticks_ = -1, listener_ = -1;
+    std::uint64_t tick_ns_ = 0;
     std::uint64_t listen_again_ns_ = 0, complain_again_ns_ = 0;
     std::uint64_t looked_ns_ = 0;  // last time at which requests were looked for, on the clock that continues during suspend
     bool listens_from_the_start_ = true;

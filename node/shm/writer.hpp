@@ -40,6 +40,7 @@ public:
     SegmentWriter& operator=(const SegmentWriter&) = delete;
 
     [[nodiscard]] std::uint32_t epoch() const noexcept { return header().epoch; }
+    [[nodiscard]] std::uint64_t watchdog_ms() const noexcept { return header().watchdog_ms; }
     void set_state(tactiled_state state) noexcept;
 
     // Publishes the next sample of sensor `index`; `sample.sequence` must count up by one. rt: wait-free

@@ -86,6 +86,7 @@ private:
         age_.open({.path = path,
                    .device_clock = true,
                    .reopening_discards = scene_.tcp,
+                   .has_echo = scene_.echo,
                    .clock_ppm = scene_.declared_ppm,
                    .is_assumed = scene_.is_cable},
                   wanted_ns);
@@ -103,11 +104,11 @@ private:
         measure_s_ = now_s_ + interval_s;
     }
 
-    // Each second, and more often while no frame comes; one request at a time.
+    // As drivers/uart.cpp: one request at a time, repeated after 2 s; more often while no frame comes.
     void ask_for_echo() {
-        echo_s_ = now_s_ + 0.025;
-        const bool is_silent = now_s_ - last_s_ > 0.025, is_due = now_s_ - echo_asked_s_ > 0.2;
-        if (!is_due && (!is_silent || echo_asked_s_ > echo_answered_s_)) return;
+        echo_s_ = now_s_ + 0.01;
+        const bool is_answered = echo_answered_s_ >= echo_asked_s_, is_silent = now_s_ - last_s_ > 0.025;
+        if (now_s_ - echo_asked_s_ < (!is_answered ? 2 : is_silent ? 0.025 : 0.2)) return;
         echo_asked_s_ = now_s_;
         const double answers_s = now_s_ + 0.001;
         enqueue({answers_s, answers_s + 0.0005 + uniform() * scene_.jitter_s, 0, device_us(answers_s), now_s_});
@@ -141,6 +142,7 @@ private:
             return;
         }
         if (item.asked_s > 0) {
+            if (item.asked_s != echo_asked_s_) return;
             asked_s_ = item.asked_s;
             echo_answered_s_ = at_s;
             answered_us_ = item.device_us;

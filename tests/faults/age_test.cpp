@@ -54,9 +54,10 @@ TEST(Age, NoGoodFrameIsOldBehindAQueueThatGrowsByUpToTwoPercent) {
 struct Honest {
     const char* name;
     AgeScene scene;
-    // Allowed share of the time that is not GOOD over TCP; 100: a device that sends nothing for longer than stale_ms sends
-    // the same bytes as a path that holds them.
+    // Allowed share of the time that is not GOOD over TCP, and at a port of this machine; 100: a device that sends nothing
+    // for longer than stale_ms sends the same bytes as a path that holds them.
     double tcp_percent = 0.1;
+    double tty_percent = 0.1;
 };
 
 TEST(Age, HonestDevicesAreGood) {
@@ -86,12 +87,12 @@ TEST(Age, HonestDevicesAreGood) {
         {"sends on change, clock", {.interval = on_change}, 25},  // few openings fall between frames
         {"WiFi bursts, clock", {.hold = bursts}},
         {"steady, number", {.clock = false}, 0.1},
-        {"pauses of 80 to 250 ms each 10 s, number", {.clock = false, .interval = pausing(10, 0.08, 0.25)}, 2},
-        {"stalls of 30 to 90 ms twice a second, number", {.clock = false, .interval = pausing(0.5, 0.03, 0.09)}, 2},
-        {"sends on change, number", {.clock = false, .interval = on_change}, 100},
+        {"pauses of 80 to 250 ms each 10 s, number", {.clock = false, .interval = pausing(10, 0.08, 0.25)}, 2, 100},
+        {"stalls of 30 to 90 ms twice a second, number", {.clock = false, .interval = pausing(0.5, 0.03, 0.09)}, 2, 2},
+        {"sends on change, number", {.clock = false, .interval = on_change}, 100, 100},
         {"100 and 50 Hz in turn, number", {.clock = false, .interval = two_rates}, 2},
         {"oscillator +-1 % in 2 h, number", {.clock = false, .interval = oscillator}, 2},
-        {"WiFi bursts, number", {.clock = false, .hold = bursts}, 2},
+        {"WiFi bursts, number", {.clock = false, .hold = bursts}, 2, 100},
         {"WiFi bursts, arrival only", {.clock = false, .number = false, .hold = bursts}, 2},
         {"pauses of 80 to 250 ms each 10 s, arrival only",
          {.clock = false, .number = false, .interval = pausing(10, 0.08, 0.25)},
@@ -108,8 +109,7 @@ TEST(Age, HonestDevicesAreGood) {
             const AgeTally tally = run.run(3600 * hours);
             print(fmt::format("{}, {}", row.name, path), tally);
             EXPECT_EQ(tally.old_s, 0) << row.name << ", " << path;
-            const bool is_proved = scene.echo || (scene.is_cable && scene.clock);
-            const double limit = is_proved ? 0.1 : scene.tcp ? row.tcp_percent : 100;
+            const double limit = scene.echo ? 0.1 : scene.is_cable ? row.tty_percent : scene.tcp ? row.tcp_percent : 100;
             EXPECT_LE(100 * tally.doubt_s, limit * tally.young_s) << row.name << ", " << path;
         }
 }
@@ -145,8 +145,8 @@ TEST(Age, GoodWithinTenSecondsAfterStallsOfDeviceAndPath) {
         fmt::print("{}: GOOD within {:.1f} s of the end of {} times 30 s of stalls, {} later than 10 s; old {:.1f} s\n",
                    path, longest_s, episodes, late, run.tally.old_s);
         EXPECT_EQ(late, 0) << path;
-        // Numbers count a burst of old frames in intervals that the pauses have made longer.
-        EXPECT_LE(run.tally.old_s, scene.clock ? 0 : run.tally.seconds) << path;
+        // Numbers count a burst of old frames in intervals that the pauses have made longer: printed only.
+        if (scene.clock) { EXPECT_EQ(run.tally.old_s, 0) << path; }
     }
 }
 

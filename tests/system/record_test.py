@@ -173,6 +173,7 @@ class Record(unittest.TestCase):
         for sample, quality in zip(samples, qualities):
             self.assertEqual((sample["quality"], sample["reasons"], sample["stamp"]), (quality["quality"], quality["reasons"], quality["stamp"]))
             self.assertTrue(quality["text"].startswith(("", "good", "uncertain:", "bad:")[quality["quality"]]), quality)
+        self.assertTrue(all(0 <= quality["age_bound_s"] < 0.5 for quality in qualities[-100:]), qualities[-1])
         for sample, w in zip(samples, wrenches):
             if sample["quality"] == 3:
                 self.assertIsNone(w["wrench"]["force"]["z"])

@@ -173,6 +173,37 @@ TEST(StreamAge, WithoutAClockAPauseIsADoubtUntilTheMissingFramesComeOrAnOpening)
     }
 }
 
+// The gateway discards what it has; a backlog before it remains, and drains.
+TEST(StreamAge, ABacklogBeforeTheGatewayIsNotProvedUntilItHasDrained) {
+    Device device(connection());
+    device.run(10);
+    device.reopen();
+    device.run(100);
+    for (double delay_ms = 2000; delay_ms > 80; delay_ms -= 1) {
+        if (int(delay_ms) % 100 == 0) device.reopen();
+        const Frame frame = device.next(delay_ms);
+        ASSERT_FALSE(frame.age == Age::proved && frame.late_ns < 100 * kMs && delay_ms > 150) << delay_ms;
+    }
+    device.run(10);
+    device.reopen();
+    EXPECT_EQ(device.next().age, Age::proved);
+}
+
+TEST(StreamAge, ABacklogAtTheStartIsNotProvedByAnAnswerThatIsAsLate) {
+    Device device({.path = Path::network, .device_clock = true, .has_echo = true});
+    const auto answered = [&](double delay_ms, double period_ms = 10) {
+        Frame frame = device.next(delay_ms, period_ms);
+        frame.asked_ns = 1;
+        frame.answered_us = std::uint32_t(frame.device_time_us);
+        ++frame.sequence;
+        ++device.sequence;
+        device.age.judge(frame, frame.taken_ns, frame.taken_ns - std::uint64_t(delay_ms * 1e6));
+        return frame;
+    };
+    for (int i = 0; i < 100; ++i) ASSERT_EQ(answered(1000).age, Age::unproved) << i;
+    EXPECT_EQ(answered(2, 1010).age, Age::proved);
+}
+
 TEST(StreamAge, AStopOfThisProcessIsNoLagOfThePath) {
     for (const bool counter : {true, false}) {
         Device device(network(), false, counter);
@@ -206,6 +237,17 @@ TEST(StreamAge, AfterAnOutageTheGatewayMayHaveKeptTheLastFrames) {
     device.sequence += 1000;
     device.reopen();
     EXPECT_EQ(device.next().age, Age::proved);
+}
+
+TEST(StreamAge, AGatewayMayKeepAFewFramesOfTheClosedTime) {
+    for (const bool clock : {true, false}) {
+        Device device(connection(), clock);
+        device.run(100);
+        device.age.open(device.path, device.measured_ns + 100 * kMs);
+        device.measured_ns += 50 * kMs;  // it has kept the last five
+        device.sequence += 5;
+        EXPECT_EQ(device.next(45).age, Age::proved) << clock;
+    }
 }
 
 TEST(StreamAge, APauseBetweenTwoProofsDoesNotStretchTheInterval) {
@@ -318,6 +360,11 @@ TEST(StreamAge, ACableBoundsTheDelayAndADeviceOnItMayPause) {
     }
 }
 
+TEST(StreamAge, ShortPausesOfADeviceWithoutAClockAreNoLagOfAPortOfThisMachine) {
+    Device device({.path = Path::direct, .is_assumed = true}, false);
+    for (int i = 0; i < 10'000; ++i) ASSERT_EQ(device.next(1, i % 500 == 499 ? 50 : 10).age, Age::proved) << i;
+}
+
 // A radio behind a local port sends the same bytes as a device that pauses on a cable.
 TEST(StreamAge, APortOfThisMachineIsACableAsLongAsNumbersAndRateAgree) {
     Device device({.path = Path::direct, .device_clock = true, .is_assumed = true}, false);
@@ -341,6 +388,16 @@ TEST(StreamAge, AResonatorOnACableIsNotLateAndAStopOfTheProcessIsSeenByTheClock)
     frame.device_time_us = (device.measured_ns - device.clock_zero_ns) / 1000;
     device.age.judge(frame, frame.taken_ns);
     EXPECT_LT(frame.late_ns, 50 * kMs);
+}
+
+TEST(StreamAge, ADeclaredCableIsGoodAlsoIfItsClockIsTooSlowOrWasSetBack) {
+    Device slow(cable()), set_back(cable());
+    for (int i = 0; i < 1000; ++i) {
+        slow.clock_zero_ns += 9'990'000;  // it counts milliseconds
+        EXPECT_EQ(slow.next().age, Age::proved) << i;
+        if (i % 100 == 99) set_back.clock_zero_ns += 60 * kMs;
+        EXPECT_EQ(set_back.next().age, Age::proved) << i;
+    }
 }
 
 TEST(StreamAge, ACableWhoseClockCountsInAnotherUnitIsBoundByItsBuffers) {

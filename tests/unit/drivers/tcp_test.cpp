@@ -96,7 +96,7 @@ TEST_F(TcpStream, WhatWaitedWhileTheReaderStoodStillGivesNoFrame) {
     const int device = ::accept(listener_, nullptr, nullptr);
     const std::string old = "1\n2\n3\n", fresh = "4\n5\n";
     ASSERT_EQ(::send(device, old.data(), old.size(), 0), ssize_t(old.size()));
-    ::usleep(1'050'000);  // longer than 950 ms and the cycle of 1 ms
+    ::usleep(1'050'000);  // longer than 1 s
     Frame frame;
     EXPECT_EQ(driver->read(frame, 1), Status::disconnected);
     EXPECT_FALSE(driver->has_more());

@@ -4,6 +4,7 @@
 #include <poll.h>
 #include <pty.h>
 #include <sys/ioctl.h>
+#include <sys/resource.h>
 #include <termios.h>
 #include <unistd.h>
 
@@ -130,6 +131,27 @@ TEST_F(UartTest, AFrameAfterAPauseIsDatedByTheSliceInWhichItCame) {
     EXPECT_TRUE(frame.since_ns == 0 || frame.taken_ns - frame.since_ns < 100'000'000) << frame.taken_ns - frame.since_ns;
 }
 
+// A slice is a fortieth of the silence: 50 ms after 2 s, 10 ms until 0.4 s after the last byte.
+TEST_F(UartTest, ASliceGrowsWithTheSilence) {
+    const auto driver = make("format = \"cobs\"");
+    ASSERT_EQ(driver->open(), "");
+    const auto waits = [&] {
+        rusage before{}, after{};
+        ::getrusage(RUSAGE_THREAD, &before);
+        Frame frame;
+        EXPECT_EQ(driver->read(frame, 250), Status::timeout);
+        ::getrusage(RUSAGE_THREAD, &after);
+        return after.ru_nvcsw - before.ru_nvcsw;
+    };
+    EXPECT_GE(waits(), 20);
+    ::usleep(2'000'000);
+    EXPECT_LE(waits(), 6);
+    send_frame(1);
+    Frame frame;
+    ASSERT_EQ(driver->read(frame, 1000), Status::frame);
+    EXPECT_GE(waits(), 20);
+}
+
 TEST_F(UartTest, AHangUpIsDisconnectedAndNotReadAgain) {
     const auto driver = make("format = \"cobs\"");
     ASSERT_EQ(driver->open(), "");
@@ -162,7 +184,7 @@ TEST_F(UartTest, WhatLayThereWhileTheReaderStoodStillIsNotGivenANewTimestampEith
     ASSERT_EQ(driver->open(), "");
     send_frame(1);
     wait_until_waiting(frame_bytes_);
-    ::usleep(1'050'000);  // longer than 950 ms and the cycle of 1 ms
+    ::usleep(1'050'000);  // longer than 1 s
     Frame frame;
     EXPECT_EQ(driver->read(frame, 1), Status::disconnected);
     EXPECT_EQ(driver->counts[TACTILED_LINK_SKIPPED], std::uint32_t(frame_bytes_));

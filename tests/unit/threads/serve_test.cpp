@@ -169,7 +169,7 @@ TEST_F(ServeTest, ManyFastLinksAreReadByOneThreadAndNoFrameIsLost) {
     for (int i = 0; i < 8; ++i) add_link(std::make_unique<Paced>(kMs * 2 / 3, 3000, 1, i != 7, i == 3));
     start();
     for (std::size_t i = 0; i < 8; ++i) wait_for(3000, i);
-    for (int i = 0; i < 100 && !node_.links[0]->lending.is_returned(); ++i) ::usleep(10'000);
+    for (int i = 0; i < 300 && !node_.links[0]->lending.is_returned(); ++i) ::usleep(10'000);
     for (const auto& link : node_.links) EXPECT_TRUE(link->lending.is_returned());
     EXPECT_FALSE(node_.links[3]->connected);
     threads_.reset();
