@@ -111,7 +111,7 @@ void NodeRecord::publish(std::uint64_t now_ns, const Tares& tares, const tactile
                    bit_if(node_.fault != 0, TACTILED_FAULT);
     node_.grasp = grasp;
     node_.tool = tool;
-    if (!is_delivering()) {  // as readers do with a record that is older than a stale_ms
+    if (!is_delivering()) {  // readers do the same with a record that is older than a stale_ms
         tactiled_forget_grasp(&node_.grasp);
         tactiled_forget_tool(&node_.tool);
     }
