@@ -101,7 +101,7 @@ public:
             const int slice_ms = std::min(left_ms, std::max(kSliceMs, int(silence_ms / kSilencePerSlice)));
             const std::uint64_t waits_ns = with_suspend_ns();
             pollfd waiting{fd_, POLLIN, 0};
-            const timespec timeout{0, long(slice_ms) * 1'000'000};
+            const timespec timeout{slice_ms / 1000, long(slice_ms % 1000) * 1'000'000};
             ready = ::ppoll(&waiting, 1, &timeout, nullptr);
             // the kernel had no bytes at the end of the slice, either
             if (ready == 0) empty_ns_ = waits_ns + std::uint64_t(slice_ms) * 1'000'000;
