@@ -25,6 +25,7 @@ struct Frame {
     // Earliest possible arrival. Of streams: if the process was stopped. Of answers: time of the request plus the duration
     // of both messages, or the time when the chip was ready. 0 = unknown.
     std::uint64_t since_ns = 0;
+    std::uint64_t slice_ns = 0;  // of the time since since_ns: an ordinary wait; more is a stop of the process
     // The device has answered a request of this time (CLOCK_MONOTONIC), and measured this frame later; 0 = no answer has
     // come since the frame before. answered_us: the device's time in the answer.
     std::uint64_t asked_ns = 0;

@@ -96,15 +96,17 @@ public:
         // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its cycle. Without a time
         // limit, read() alone shows whether bytes are there.
         int ready = timeout_ms == 0;
+        slice_ns_ = 0;
         for (int left_ms = timeout_ms; ready == 0;) {
             const std::uint64_t silence_ms = (now_ns() - heard_ns_) / 1'000'000;
             const int slice_ms = std::min(left_ms, std::max(kSliceMs, int(silence_ms / kSilencePerSlice)));
+            slice_ns_ = std::uint64_t(slice_ms) * 1'000'000;
             const std::uint64_t waits_ns = with_suspend_ns();
             pollfd waiting{fd_, POLLIN, 0};
             const timespec timeout{slice_ms / 1000, long(slice_ms % 1000) * 1'000'000};
             ready = ::ppoll(&waiting, 1, &timeout, nullptr);
             // the kernel had no bytes at the end of the slice, either
-            if (ready == 0) empty_ns_ = waits_ns + std::uint64_t(slice_ms) * 1'000'000;
+            if (ready == 0) empty_ns_ = waits_ns + slice_ns_;
             if (ready == 0) ask_for_echo();
             if (ready == 0 && (left_ms -= slice_ms) <= 0) return Status::timeout;
         }
@@ -183,6 +185,7 @@ private:
         }
         if (!is_frame) return false;
         frame.since_ns = since_ns_;
+        frame.slice_ns = slice_ns_;
         frame.asked_ns = answered_.asked_ns;
         frame.answered_us = answered_.time_us;
         answered_ = {};
@@ -268,7 +271,7 @@ private:
     // time, with_suspend_ns(), at which no bytes waited: bytes read arrived later
     std::uint64_t empty_ns_ = 0;
     std::uint64_t heard_ns_ = 0;                   // time of the opening, or of the last bytes
-    std::uint64_t since_ns_ = 0;                   // argument since_ns of the bytes in the decoder, see Frame
+    std::uint64_t since_ns_ = 0, slice_ns_ = 0;    // of the bytes in the decoder, see Frame
     std::uint64_t asked_ns_ = 0;                   // time of the request for the stream, or of its last frame
     bool asked_again_ = false, streamed_ = false;  // since open(); a device that is only late was not restarted
     std::uint32_t overruns_at_open_ = 0, overruns_before_ = 0;

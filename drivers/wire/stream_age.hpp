@@ -136,7 +136,7 @@ private:
     void prove(double delay_ns) noexcept;
     void measure_interval(double delay_ns) noexcept;
     void learn(double step_ns, double frames) noexcept;
-    void publish(Frame& frame, std::uint64_t host_ns, double waited_ns) noexcept;
+    void publish(Frame& frame, std::uint64_t host_ns, double waited_ns, double stopped_ns) noexcept;
 
     Route route_;
     double stale_ns_;
@@ -302,10 +302,12 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
     if (frame.taken_ns < frame.t_ns) frame.taken_ns = frame.t_ns;
     // The process was stopped, and the bytes arrived at any time since then.
     double waited_ns = frame.since_ns != 0 && frame.since_ns < frame.taken_ns ? double(frame.taken_ns - frame.since_ns) : 0;
+    double stopped_ns = std::max(waited_ns - double(frame.slice_ns), 0.0);
     const bool is_polled = route_.path == Route::Path::polled;
     if (is_polled || (is_direct() && !has_clock(frame) && !(frame.has_sequence && route_.is_assumed))) {
         proof_ = is_polled ? Proof::polled : Proof::direct;
-        publish(frame, host_ns, is_polled ? std::max(waited_ns - kJitter_ns, 0.0) : waited_ns);
+        if (is_polled) stopped_ns = std::max(waited_ns - kJitter_ns, 0.0);
+        publish(frame, host_ns, is_polled ? stopped_ns : waited_ns, stopped_ns);
         frame.bound_ns = std::max(waited_ns, double(frame.taken_ns - frame.t_ns));
         return;
     }
@@ -321,14 +323,14 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
     const bool begins = !has_frame_ || is_clock_ != has_clock(frame);
     is_clock_ = has_clock(frame);
     proof_ = is_clock_ ? Proof::clock : is_direct() ? Proof::direct : frame.has_sequence ? Proof::sequence : Proof::arrival;
-    const bool is_fresh = waited_ns < kJitter_ns;
+    const bool is_fresh = stopped_ns < kJitter_ns;
     // The path is not late by the time for which this process was stopped. A clock shows the age in any case.
-    if (is_clock_) waited_ns = 0;
+    if (is_clock_) waited_ns = stopped_ns = 0;
     const double silence_ns = has_frame_ ? double(host_ns - host_ns_) : 0;
     if (begins)
         begin(frame, silence_ns);
     else
-        advance(frame, host_ns, silence_ns - std::min(waited_ns, silence_ns));
+        advance(frame, host_ns, silence_ns - std::min(stopped_ns, silence_ns));
     if (asked_ns != 0) {  // by the clock, the answer is the proof, else this frame, which came after it
         const double after_ns = is_clock_ ? double(std::int32_t(device_us_ - frame.answered_us)) * 1e3 : 0;
         prove(double(std::int64_t(host_ns - asked_ns)) - after_ns);
@@ -341,7 +343,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
     has_frame_ = true;
     sequence_ = frame.sequence;
     host_ns_ = host_ns;
-    publish(frame, host_ns, waited_ns);
+    publish(frame, host_ns, waited_ns, stopped_ns);
     t_ns_ = frame.t_ns;
 }
 
@@ -386,8 +388,8 @@ inline void StreamAge::advance(const Frame& frame, std::uint64_t host_ns, double
     if (is_asked && !has_begun) test_opening(frame, advance_ns, most_ns, double(host_ns));
 }
 
-inline void StreamAge::publish(Frame& frame, std::uint64_t host_ns, double waited_ns) noexcept {
-    const double late_ns = (is_clock_ ? x_ - up_ : 0) + waited_ns, bound_ns = x_ - up_ + error_ns() + waited_ns;
+inline void StreamAge::publish(Frame& frame, std::uint64_t host_ns, double waited_ns, double stopped_ns) noexcept {
+    const double late_ns = (is_clock_ ? x_ - up_ : 0) + stopped_ns, bound_ns = x_ - up_ + error_ns() + waited_ns;
     const bool is_bounded = bound_ns <= stale_ns_ || late_ns > stale_ns_;  // a frame that is known to be late is BAD
     const auto back_ns = std::uint64_t(std::max(late_ns, is_bounded ? bound_ns - stale_ns_ / 2 : 0));
     const std::uint64_t measured_ns = frame.taken_ns > back_ns ? frame.taken_ns - back_ns : 0;
