@@ -74,6 +74,8 @@ public:
         asked_ns_ = heard_ns_ = now_ns();
         asked_again_ = streamed_ = false;
         answered_ = {};
+        echo_number_ += echo_number_ % 2;  // no answer comes to a request before the opening
+        echo_ns_ = 0;
         if (!ask_for_stream(!network_)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
         hung_up_at_open_ = std::exchange(hung_up_, false);
         if (!tty_overruns(fd_, overruns_at_open_)) overruns_at_open_ = 0;

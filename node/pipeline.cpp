@@ -104,7 +104,8 @@ void Pipeline::run() noexcept {
 
 std::uint64_t Pipeline::next_deadline_ns(std::uint64_t now_ns) const noexcept {
     std::uint64_t next_ns = record_.deadline_ns();
-    for (const auto& sensor : sensors_) next_ns = std::min(next_ns, sensor.deadline_ns(now_ns));
+    for (const auto& sensor : sensors_)
+        if (sensor.is_delivering()) next_ns = std::min(next_ns, sensor.deadline_ns(now_ns));
     return next_ns;
 }
 

@@ -12,11 +12,12 @@
 namespace tactiled {
 namespace {
 
-constexpr int kReadTimeoutMs = 250;  // longest delay of stop() by a thread with a silent device
+constexpr int kReadTimeoutMs = 250;       // longest delay of stop() by a thread with a silent device
+constexpr std::uint64_t kWaitsMs = 1000;  // twice the longest ordinary wait of a link's thread, and of SharedLinks
 constexpr int kMinPauseMs = 50, kMaxPauseMs = 1000;
 constexpr int kRefusals = 20;  // a server may need a second to end the connection that was closed for a proof
 // a pipeline without a cycle for this time plus two periods hangs
-constexpr std::uint64_t kPipelineNs = NodeRecord::kIdleNs + 50'000'000;
+constexpr std::uint64_t kPipelineNs = NodeRecord::kIdleNs + 150'000'000;
 constexpr std::uint64_t kRunnerNs = 100'000;         // time in which another thread should finish a cycle
 constexpr std::uint64_t kRepeatNs = 10'000'000'000;  // minimum interval of equal log lines about one link
 // A device that delivered a frame and was open for this long is reopened after the minimum pause when it disconnects. A
@@ -129,7 +130,7 @@ std::vector<std::string> Threads::start() {
         return std::make_shared<Progress::Liveness>(progress_, std::move(name), limit_ns);
     };
     const std::uint64_t stuck_ms = std::uint64_t(node_.config.node.stuck_link_ms);
-    const std::uint64_t link_ns = stuck_ms == 0 ? UINT64_MAX : (stuck_ms + kReadTimeoutMs) * 1'000'000u;
+    const std::uint64_t link_ns = stuck_ms == 0 ? UINT64_MAX : (stuck_ms + kWaitsMs) * 1'000'000u;
     try {
         for (auto& link : node_.links)  // below the pipeline's priority, so that no link delays time limits
             add("link", std::max(1, wanted.priority - 2),
@@ -269,7 +270,8 @@ void Threads::run_pipeline(std::uint64_t period_ns, Progress::Liveness& wakes) n
         }
         wakes.count();
         breather.cycle();
-        if (pipeline_.is_idle()) grid_ns = std::max(grid_ns, pipeline_.deadline_ns());
+        grid_ns =
+            pipeline_.is_idle() ? std::max(grid_ns, pipeline_.deadline_ns()) : std::min(grid_ns, monotonic_ns() + period_ns);
         std::uint64_t until_ns = std::min(grid_ns, pipeline_.deadline_ns());
         // The runner may be a thread of lower priority on this CPU, which would never finish without a sleep of this thread.
         if (!served) until_ns = std::max(until_ns, monotonic_ns() + kRunnerNs);

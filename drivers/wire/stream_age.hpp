@@ -336,7 +336,9 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
         prove(double(std::int64_t(host_ns - asked_ns)) - after_ns);
     }
     if (is_direct() && is_fresh) {
-        if (!route_.is_assumed && x_ - up_ > kJitter_ns) begin_again(0);  // more than a cable delays: its clock is wrong
+        // A cable that the user declares holds no frames for so long: the clock was set back.
+        const bool lasts = trouble_ns_ != 0 && double(host_ns - std::min(trouble_ns_, host_ns)) > kLearn_ns;
+        if (!route_.is_assumed && lasts) begin_again(0);
         if (x_ - up_ < kJitter_ns && held_ns_ <= kNone_ns) prove(x_ - up_);
     }
     is_opened_ = false;

@@ -43,6 +43,8 @@ public:
                                   std::uint64_t now_ns) const noexcept;
     // Sends commands for which the pipeline had no room, and forgets the data of a silent PLC. Called regularly.
     void tick(std::uint64_t now_ns) noexcept;
+    // Returns true if a PLC has set its watchdog, so that tick() must come soon after its silence.
+    [[nodiscard]] bool watches_plc() const noexcept { return words_[kPlcWatchdog] != 0; }
     // Carries out a write that check() has accepted.
     void write(const Request& request, const View& view, Session& session, std::uint64_t now_ns) noexcept;
 

@@ -103,7 +103,8 @@ void ModbusServer::cycle() {
     if (!settings_.rtu.device.empty()) serve_line(monotonic_ns(), line_readable);
     serve_held_back(now_ns);
     if (ticked) tick(now_ns);
-    (void)set_tick(clients_.empty() && settings_.rtu.device.empty() ? kIdleTickNs : kTickNs);
+    const bool is_idle = clients_.empty() && settings_.rtu.device.empty() && !service_.watches_plc();
+    (void)set_tick(is_idle ? kIdleTickNs : kTickNs);
 }
 
 bool ModbusServer::set_tick(std::uint64_t interval_ns) noexcept {

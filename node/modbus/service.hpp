@@ -33,6 +33,7 @@ public:
 
     // Sends commands for which the pipeline had no room. Called regularly.
     void tick(std::uint64_t now_ns) noexcept { controls_.tick(now_ns); }
+    [[nodiscard]] bool watches_plc() const noexcept { return controls_.watches_plc(); }
 
 private:
     [[nodiscard]] View look();
