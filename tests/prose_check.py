@@ -21,7 +21,7 @@ from source_text import CPP, HASH, TOML, comments, python_comments, source_files
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 WORDS = "tests/words.txt"
 MAX_LENGTH = 110
-GENERATED = ("config/KEYS.md", "node/modbus/MAP.md", "tests/faults/PLC.md", "tests/faults/TABLE.md", "tests/orders/TABLES.md",
+GENERATED = ("config/KEYS.md", "node/modbus/MAP.md", "tests/faults/AGAINST.md", "tests/faults/PLC.md", "tests/faults/TABLE.md", "tests/orders/TABLES.md",
              "tests/stability/CASES.md")
 DICTIONARIES = "en_US,en_GB"
 NOT_WORDS = re.compile(r"``?[^`]+``?|https?://\S+|(?<!\w)\S*[/\\_=<>{}@$|^]\S*|\b\w+\(\)|\S+\.(?:md|cpp|hpp|h|py|toml|sh|csv|svg)\b")
