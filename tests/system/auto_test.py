@@ -105,8 +105,9 @@ class Auto(unittest.TestCase):
         return self.state / f"{self.daemon.name}.{sensor}.costs.toml"
 
     def status(self):
-        sensors = json.loads(self.daemon.ctl("status", "--json").stdout)["sensors"]
-        return {s["name"]: s.get("auto", {}) for s in sensors}
+        said = self.daemon.ctl("status", "--json")
+        self.assertTrue(said.stdout, said)
+        return {s["name"]: s.get("auto", {}) for s in json.loads(said.stdout)["sensors"]}
 
     def edit(self, path, pattern, replacement):
         text, times = re.subn(pattern, replacement, path.read_text())
