@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "config/registry.hpp"
 #include "drivers/sim/block.hpp"
 #include "drivers/sim/motion.hpp"
 #include "drivers/sim/random.hpp"
@@ -131,6 +132,7 @@ struct EffectEntry {
     bool instant = false;
     // Delay of a slow signal on a channel of the sensor; nullptr: no delay. setup
     double (*delay_s)(const Setting&, std::size_t channel) = nullptr;
+    Registry<EffectEntry> in_list{this};
 };
 
 // Returns the cost of an effect for the choice, in ns per sample of a sensor with all its channels. It is from the

@@ -40,20 +40,17 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .jump_N = change_N, .own_N = change_N, .load = {0, 0, pull_N, 0, 0}};
 }
 
+const EffectEntry entry{.name = "adhesion",
+                        .title = "adhesion of a round body",
+                        .equation = "pull-off force 3/2 pi w R",
+                        .source = "Johnson, Kendall, Roberts 1971",
+                        .stage = Stage::contact,
+                        .cost_class = "c0",
+                        .instructions = 8,
+                        .models = kAll,
+                        .parameters = {{"separation_s", "from the end of the press until it comes off", 0.01, 1e-6, 10}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Adhesion>(s); }};
+
 }  // namespace
-
-extern const EffectEntry adhesion;
-const EffectEntry adhesion{
-    .name = "adhesion",
-    .title = "adhesion of a round body",
-    .equation = "pull-off force 3/2 pi w R",
-    .source = "Johnson, Kendall, Roberts 1971",
-    .stage = Stage::contact,
-    .cost_class = "c0",
-    .instructions = 8,
-    .models = kAll,
-    .parameters = {{"separation_s", "from the end of the press until it comes off", 0.01, 1e-6, 10}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Adhesion>(s); }};
-
 }  // namespace tactiled::sim

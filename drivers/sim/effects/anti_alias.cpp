@@ -123,10 +123,7 @@ Bound bound(const Setting& s) {
     return {.change_N = widened * lag_N(s, 16 / w + 4 / s.rate_Hz, older), .gain = widened};
 }
 
-}  // namespace
-
-extern const EffectEntry anti_alias;
-const EffectEntry anti_alias{
+const EffectEntry entry{
     .name = "anti_alias",
     .title = "low pass before the converter",
     .equation = "H = 1 / (1 + s / w_c)^2",
@@ -140,4 +137,5 @@ const EffectEntry anti_alias{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<AntiAlias>(s); },
     .delay_s = [](const Setting& s, std::size_t) { return 2 / (6.283185307179586 * corner_Hz(s)); }};
 
+}  // namespace
 }  // namespace tactiled::sim

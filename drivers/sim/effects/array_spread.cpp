@@ -64,10 +64,7 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N + kLastBits_N, .own_N = change_N, .load = change};
 }
 
-}  // namespace
-
-extern const EffectEntry array_spread;
-const EffectEntry array_spread{
+const EffectEntry entry{
     .name = "array_spread",
     .title = "spread to neighbours in an array",
     .equation = "F = F + k sum over neighbours of (F_n - F)",
@@ -80,4 +77,5 @@ const EffectEntry array_spread{
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ArraySpread>(s); }};
 
+}  // namespace
 }  // namespace tactiled::sim

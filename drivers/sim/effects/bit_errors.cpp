@@ -72,10 +72,7 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .jump_N = 2 * change_N, .own_N = change_N};
 }
 
-}  // namespace
-
-extern const EffectEntry bit_errors;
-const EffectEntry bit_errors{
+const EffectEntry entry{
     .name = "bit_errors",
     .title = "bit errors of the link",
     .equation = "value = value +- 2^bit step",
@@ -88,4 +85,5 @@ const EffectEntry bit_errors{
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<BitErrors>(s); }};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -67,22 +67,19 @@ std::vector<Level> levels(const Setting& s) {
              [softened](const Setting&) { return std::make_unique<PolynomialLayer>(softened); }}};
 }
 
+const EffectEntry entry{.name = "bonded_layer",
+                        .title = "bonded layer",
+                        .equation = "N = K/3 (c^2 - 1/c) c^p, c = gap at rest / gap",
+                        .source = "Gent, Lindley 1959: E (1 + 2 S^2); its rise under a press by own finite elements",
+                        .stage = Stage::material,
+                        .cost_class = "c2",
+                        .instructions = 680,
+                        .models = kCapacitive,
+                        .parameters = {{"power", "p; 0.14 where the pad is four times as wide as thick", 0.14, 0, 1}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<BondedLayer>(s); },
+                        .levels = levels,
+                        .instant = true};
+
 }  // namespace
-
-extern const EffectEntry bonded_layer;
-const EffectEntry bonded_layer{
-    .name = "bonded_layer",
-    .title = "bonded layer",
-    .equation = "N = K/3 (c^2 - 1/c) c^p, c = gap at rest / gap",
-    .source = "Gent, Lindley 1959: E (1 + 2 S^2); its rise under a press by own finite elements",
-    .stage = Stage::material,
-    .cost_class = "c2",
-    .instructions = 680,
-    .models = kCapacitive,
-    .parameters = {{"power", "p; 0.14 where the pad is four times as wide as thick", 0.14, 0, 1}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<BondedLayer>(s); },
-    .levels = levels,
-    .instant = true};
-
 }  // namespace tactiled::sim

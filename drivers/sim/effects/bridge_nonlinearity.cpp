@@ -36,10 +36,7 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.largest_N(change), .gain = gain};
 }
 
-}  // namespace
-
-extern const EffectEntry bridge_nonlinearity;
-const EffectEntry bridge_nonlinearity{
+const EffectEntry entry{
     .name = "bridge_nonlinearity",
     .title = "nonlinearity of a quarter bridge",
     .equation = "r = x / (1 + x / 2)",
@@ -53,4 +50,5 @@ const EffectEntry bridge_nonlinearity{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<BridgeNonlinearity>(s); },
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -43,10 +43,7 @@ Bound bound(const Setting& s) {
         .own_N = s.sensor.channel_N({by_acceleration, 0, by_acceleration, 0, 0})};
 }
 
-}  // namespace
-
-extern const EffectEntry cap_weight;
-const EffectEntry cap_weight{
+const EffectEntry entry{
     .name = "cap_weight",
     .title = "weight and inertia of the cap",
     .equation = "r = r + G m (g + a)",
@@ -62,4 +59,5 @@ const EffectEntry cap_weight{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<CapWeight>(s); },
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

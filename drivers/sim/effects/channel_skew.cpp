@@ -61,10 +61,7 @@ Bound bound(const Setting& s) {
     return {.change_N = (1 - part) * after_N + part * s.before.change_N(s, (whole + 1) / s.rate_Hz) + kLastBits_N};
 }
 
-}  // namespace
-
-extern const EffectEntry channel_skew;
-const EffectEntry channel_skew{
+const EffectEntry entry{
     .name = "channel_skew",
     .title = "skew of the multiplexer",
     .equation = "r_k(t) = r_k(t - (n - 1 - k) tau)",
@@ -78,4 +75,5 @@ const EffectEntry channel_skew{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ChannelSkew>(s); },
     .delay_s = delay_s};
 
+}  // namespace
 }  // namespace tactiled::sim

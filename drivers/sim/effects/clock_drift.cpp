@@ -23,20 +23,17 @@ Bound bound(const Setting& s) {
     return {.change_N = shift_N(s, drift * length_s), .stretch = 1 + drift};
 }
 
+const EffectEntry entry{.name = "clock_drift",
+                        .title = "drift of the sampling clock",
+                        .equation = "t = t (1 + ppm 1e-6)",
+                        .source = "quartz: 20 to 100 ppm",
+                        .stage = Stage::time,
+                        .cost_class = "c0",
+                        .instructions = 11,
+                        .models = kAll,
+                        .parameters = {{"drift_ppm", "> 0: samples come late", 50, -1e4, 1e4}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ClockDrift>(s); }};
+
 }  // namespace
-
-extern const EffectEntry clock_drift;
-const EffectEntry clock_drift{
-    .name = "clock_drift",
-    .title = "drift of the sampling clock",
-    .equation = "t = t (1 + ppm 1e-6)",
-    .source = "quartz: 20 to 100 ppm",
-    .stage = Stage::time,
-    .cost_class = "c0",
-    .instructions = 11,
-    .models = kAll,
-    .parameters = {{"drift_ppm", "> 0: samples come late", 50, -1e4, 1e4}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ClockDrift>(s); }};
-
 }  // namespace tactiled::sim

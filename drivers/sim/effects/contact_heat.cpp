@@ -43,10 +43,7 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .gain = 1 + whole / scale_N * load_of_error(s.sensor, kFz), .own_N = change_N};
 }
 
-}  // namespace
-
-extern const EffectEntry contact_heat;
-const EffectEntry contact_heat{
+const EffectEntry entry{
     .name = "contact_heat",
     .title = "heat of contact",
     .equation = "r = r + alpha_k T, T' = (share N / (N + N0) (body - ambient) - T) / tau, tau = L^2 / (pi^2 a)",
@@ -62,4 +59,5 @@ const EffectEntry contact_heat{
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ContactHeat>(s); }};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -58,10 +58,7 @@ Bound bound(const Setting& s) {
                                                                                                  // moves the patch
 }
 
-}  // namespace
-
-extern const EffectEntry contact_patch;
-const EffectEntry contact_patch{
+const EffectEntry entry{
     .name = "contact_patch",
     .title = "place and size of the contact",
     .equation = "r = mean over the patch of the strain by a force at a point, times the force",
@@ -75,4 +72,5 @@ const EffectEntry contact_patch{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ContactPatch>(s); },
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

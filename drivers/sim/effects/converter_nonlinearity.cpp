@@ -43,10 +43,7 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.largest_N(change), .gain = 1 + 2 * kToOne * std::abs(s.p[0])};
 }
 
-}  // namespace
-
-extern const EffectEntry converter_nonlinearity;
-const EffectEntry converter_nonlinearity{
+const EffectEntry entry{
     .name = "converter_nonlinearity",
     .title = "nonlinearity of the converter",
     .equation = "r = r + INL range 2.598 (u - u^3), u = (r - zero) / range",
@@ -60,4 +57,5 @@ const EffectEntry converter_nonlinearity{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ConverterNonlinearity>(s); },
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -77,10 +77,7 @@ Bound bound(const Setting& s) {
     return {.change_N = lag_N(s, (whole + 1.01) / s.rate_Hz, older)};
 }
 
-}  // namespace
-
-extern const EffectEntry converter_window;
-const EffectEntry converter_window{
+const EffectEntry entry{
     .name = "converter_window",
     .title = "averaging by the converter",
     .equation = "r(t) = mean of r over t - T_c .. t",
@@ -94,4 +91,5 @@ const EffectEntry converter_window{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ConverterWindow>(s); },
     .delay_s = [](const Setting& s, std::size_t k) { return is_piezo(s.sensor, k) ? 0 : window_s(s) / 2; }};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -61,10 +61,7 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.channel_N(change), .gain = 1 + s.p[0], .load = change, .load_gain = 1 + s.p[0]};
 }
 
-}  // namespace
-
-extern const EffectEntry creep;
-const EffectEntry creep{.name = "creep",
+const EffectEntry entry{.name = "creep",
                         .title = "creep and relaxation",
                         .equation = "y = u + sum g_i x_i, x_i' = (u - x_i) / tau_i",
                         .source = "Kelvin chain; load cells creep by 0.2 to 0.8 % in 200 to 400 s, elastomers by 1 to 10 %",
@@ -78,4 +75,5 @@ const EffectEntry creep{.name = "creep",
                         .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Creep>(s); },
                         .levels = [](const Setting& s) { return fewer_axes<Creep>(s, largest_change(s)); }};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -48,21 +48,18 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.largest_N(change), .gain = 1 + s.sensor.largest_N(of_error)};
 }
 
+const EffectEntry entry{.name = "crosstalk",
+                        .title = "crosstalk between channels",
+                        .equation = "r_k = r_k + sum c_kj (r_j - zero_j)",
+                        .source = "recorded three-axis cells: 2.2 to 2.7 % before calibration",
+                        .stage = Stage::transducer,
+                        .cost_class = "c1",
+                        .instructions = 530,
+                        .models = kAll,
+                        .parameters = {{"deviation", "of the share of one channel in another, in N", 0.01, 0, 0.2}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Crosstalk>(s); },
+                        .instant = true};
+
 }  // namespace
-
-extern const EffectEntry crosstalk;
-const EffectEntry crosstalk{
-    .name = "crosstalk",
-    .title = "crosstalk between channels",
-    .equation = "r_k = r_k + sum c_kj (r_j - zero_j)",
-    .source = "recorded three-axis cells: 2.2 to 2.7 % before calibration",
-    .stage = Stage::transducer,
-    .cost_class = "c1",
-    .instructions = 530,
-    .models = kAll,
-    .parameters = {{"deviation", "of the share of one channel in another, in N", 0.01, 0, 0.2}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Crosstalk>(s); },
-    .instant = true};
-
 }  // namespace tactiled::sim

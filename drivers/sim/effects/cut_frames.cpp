@@ -29,20 +29,17 @@ Bound bound(const Setting& s) {
     return {.change_N = s.before.change_N(s, double(s.samples) / s.rate_Hz) + kLastBits_N};
 }
 
+const EffectEntry entry{.name = "cut_frames",
+                        .title = "frames that end early",
+                        .equation = "P(cut) = p, after any channel alike",
+                        .source = "derived: a line that fails within a frame",
+                        .stage = Stage::link,
+                        .cost_class = "c0",
+                        .instructions = 12,
+                        .models = kAll,
+                        .parameters = {{"share", "of the frames that are cut", 0, 0, 1}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<CutFrames>(s); }};
+
 }  // namespace
-
-extern const EffectEntry cut_frames;
-const EffectEntry cut_frames{
-    .name = "cut_frames",
-    .title = "frames that end early",
-    .equation = "P(cut) = p, after any channel alike",
-    .source = "derived: a line that fails within a frame",
-    .stage = Stage::link,
-    .cost_class = "c0",
-    .instructions = 12,
-    .models = kAll,
-    .parameters = {{"share", "of the frames that are cut", 0, 0, 1}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<CutFrames>(s); }};
-
 }  // namespace tactiled::sim

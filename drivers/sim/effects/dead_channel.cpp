@@ -60,10 +60,7 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .own_N = change_N};
 }
 
-}  // namespace
-
-extern const EffectEntry dead_channel;
-const EffectEntry dead_channel{
+const EffectEntry entry{
     .name = "dead_channel",
     .title = "a channel dies",
     .equation = "P(dead after t) = 1 - exp(-rate t)",
@@ -77,4 +74,5 @@ const EffectEntry dead_channel{
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<DeadChannel>(s); }};
 
+}  // namespace
 }  // namespace tactiled::sim

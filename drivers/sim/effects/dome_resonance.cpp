@@ -97,10 +97,7 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.channel_N(moved), .gain = gain, .load = moved, .load_gain = gain};
 }
 
-}  // namespace
-
-extern const EffectEntry dome_resonance;
-const EffectEntry dome_resonance{
+const EffectEntry entry{
     .name = "dome_resonance",
     .title = "resonance and delay of the dome",
     .equation = "x'' = w^2 (u(t - delay) - x) - 2 z w x'",
@@ -118,4 +115,5 @@ const EffectEntry dome_resonance{
     .delay_s = [](const Setting& s,
                   std::size_t) { return delay_s(s) + 2 * s.p[1] / (2 * std::numbers::pi * resonance_Hz(s)); }};
 
+}  // namespace
 }  // namespace tactiled::sim

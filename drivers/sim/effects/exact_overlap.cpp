@@ -87,10 +87,7 @@ std::vector<Level> levels(const Setting& s) {
              [cubic](const Setting& in) { return std::make_unique<CubicOverlap>(in, cubic); }}};
 }
 
-}  // namespace
-
-extern const EffectEntry exact_overlap;
-const EffectEntry exact_overlap{
+const EffectEntry entry{
     .name = "exact_overlap",
     .title = "exact overlap of the electrodes",
     .equation = "A = 1/2 integral over the sector of clip(rho)^2 - inner^2, rho = d cos t + (R^2 - d^2 sin^2 t)^(1/2)",
@@ -105,4 +102,5 @@ const EffectEntry exact_overlap{
     .levels = levels,
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

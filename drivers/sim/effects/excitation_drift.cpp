@@ -37,10 +37,7 @@ Bound bound(const Setting& s) {
             .own_rate_N_s = drift > 0 ? change_N / drift * relative_1_s : 0};
 }
 
-}  // namespace
-
-extern const EffectEntry excitation_drift;
-const EffectEntry excitation_drift{
+const EffectEntry entry{
     .name = "excitation_drift",
     .title = "drift of the excitation",
     .equation = "r = r (1 + d (1 - exp(-t / tau)) + c dT)",
@@ -56,4 +53,5 @@ const EffectEntry excitation_drift{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ExcitationDrift>(s); },
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

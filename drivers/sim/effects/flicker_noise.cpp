@@ -69,10 +69,7 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .own_N = change_N};
 }
 
-}  // namespace
-
-extern const EffectEntry flicker_noise;
-const EffectEntry flicker_noise{
+const EffectEntry entry{
     .name = "flicker_noise",
     .title = "flicker noise, 1/f",
     .equation = "r = r + sum over decades of x_i, x_i = a_i x_i + sigma (1 - a_i^2)^(1/2) u",
@@ -86,4 +83,5 @@ const EffectEntry flicker_noise{
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FlickerNoise>(s); }};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -46,10 +46,7 @@ Bound bound(const Setting& s) {
             .coupling = std::max({s.body.friction, s.body.kinetic_friction, 1.0})};
 }
 
-}  // namespace
-
-extern const EffectEntry friction_limit;
-const EffectEntry friction_limit{
+const EffectEntry entry{
     .name = "friction_limit",
     .title = "friction limit",
     .equation = "|T| <= mu N",
@@ -63,4 +60,5 @@ const EffectEntry friction_limit{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FrictionLimit>(s); },
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -57,21 +57,18 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.largest_N(change), .gain = gain};
 }
 
+const EffectEntry entry{.name = "fringe_field",
+                        .title = "fringe field",
+                        .equation = "C -> C f(d) / f(d0), f = 1 + d/(pi r) (ln(16 pi r / d) - 1)",
+                        .source = "Kirchhoff 1877",
+                        .stage = Stage::transducer,
+                        .cost_class = "c1",
+                        .instructions = 260,
+                        .models = kCapacitive,
+                        .parameters = {},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FringeField>(s); },
+                        .instant = true};
+
 }  // namespace
-
-extern const EffectEntry fringe_field;
-const EffectEntry fringe_field{
-    .name = "fringe_field",
-    .title = "fringe field",
-    .equation = "C -> C f(d) / f(d0), f = 1 + d/(pi r) (ln(16 pi r / d) - 1)",
-    .source = "Kirchhoff 1877",
-    .stage = Stage::transducer,
-    .cost_class = "c1",
-    .instructions = 260,
-    .models = kCapacitive,
-    .parameters = {},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FringeField>(s); },
-    .instant = true};
-
 }  // namespace tactiled::sim

@@ -46,20 +46,18 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.largest_N(change), .gain = gain};
 }
 
+const EffectEntry entry{.name = "gap_gain",
+                        .title = "inverse of the gap",
+                        .equation = "C = stray + eps A / d, d = d0 (1 - strain)",
+                        .source = "thesis, eq. XVII; its shear gain with 1/d: derived",
+                        .stage = Stage::transducer,
+                        .cost_class = "c1",
+                        .instructions = 140,
+                        .models = kCapacitive,
+                        .parameters = {},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<GapGain>(s); },
+                        .instant = true};
+
 }  // namespace
-
-extern const EffectEntry gap_gain;
-const EffectEntry gap_gain{.name = "gap_gain",
-                           .title = "inverse of the gap",
-                           .equation = "C = stray + eps A / d, d = d0 (1 - strain)",
-                           .source = "thesis, eq. XVII; its shear gain with 1/d: derived",
-                           .stage = Stage::transducer,
-                           .cost_class = "c1",
-                           .instructions = 140,
-                           .models = kCapacitive,
-                           .parameters = {},
-                           .bound = bound,
-                           .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<GapGain>(s); },
-                           .instant = true};
-
 }  // namespace tactiled::sim

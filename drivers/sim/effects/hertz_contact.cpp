@@ -53,10 +53,7 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .jump_N = change_N};
 }
 
-}  // namespace
-
-extern const EffectEntry hertz_contact;
-const EffectEntry hertz_contact{
+const EffectEntry entry{
     .name = "hertz_contact",
     .title = "contact of a round body",
     .equation = "a^3 = 3 F R / (4 E*)",
@@ -70,4 +67,5 @@ const EffectEntry hertz_contact{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<HertzContact>(s); },
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -21,10 +21,7 @@ PerUnit per_percent(const Setting& s) {
     return all;
 }
 
-}  // namespace
-
-extern const EffectEntry humidity;
-const EffectEntry humidity{
+const EffectEntry entry{
     .name = "humidity",
     .title = "humidity",
     .equation = "r = r + b_k H, H' = (change - H) / tau",
@@ -40,4 +37,5 @@ const EffectEntry humidity{
     .bound = [](const Setting& s) { return approach_bound(s, per_percent(s)); },
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Approach>(s, per_percent(s)); }};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -90,10 +90,7 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.channel_N(change), .gain = gain, .load = change, .load_gain = gain};
 }
 
-}  // namespace
-
-extern const EffectEntry hysteresis;
-const EffectEntry hysteresis{
+const EffectEntry entry{
     .name = "hysteresis",
     .title = "hysteresis",
     .equation = "y = u + w sum (P_i[u] - P_i[u from rest]), |P_i - u| <= r_i",
@@ -108,4 +105,5 @@ const EffectEntry hysteresis{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Hysteresis>(s); },
     .levels = [](const Setting& s) { return fewer_axes<Hysteresis>(s, largest_change(s)); }};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -33,10 +33,7 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .own_N = change_N};
 }
 
-}  // namespace
-
-extern const EffectEntry johnson_noise;
-const EffectEntry johnson_noise{
+const EffectEntry entry{
     .name = "johnson_noise",
     .title = "Johnson noise of the gauges",
     .equation = "sigma_V^2 = 4 k T R B, sigma_r = 4 sigma_V / V",
@@ -50,4 +47,5 @@ const EffectEntry johnson_noise{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<JohnsonNoise>(s); },
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -73,10 +73,7 @@ std::vector<Level> levels(const Setting& s) {
              [yields](const Setting&) { return std::make_unique<PolynomialDeflection>(yields); }}};
 }
 
-}  // namespace
-
-extern const EffectEntry large_deflection;
-const EffectEntry large_deflection{
+const EffectEntry entry{
     .name = "large_deflection",
     .title = "large deflection",
     .equation = "elastomer: 3 q = 1/l^2 - l, strain = 1 - l; table: u / (1 + (|u| / half)^1.2)",
@@ -91,4 +88,5 @@ const EffectEntry large_deflection{
     .levels = levels,
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -39,21 +39,18 @@ Bound bound(const Setting& s) {
     return {.change_N = s.before.change_N(s, std::floor(s.p[1]) * double(s.sensor.every) / s.rate_Hz) + kLastBits_N};
 }
 
+const EffectEntry entry{.name = "late_frames",
+                        .title = "frames that come late",
+                        .equation = "P(stop) = p; then none for n frames, then two at a time until the link has caught up",
+                        .source = "derived: a buffer in front of a faster line",
+                        .stage = Stage::link,
+                        .cost_class = "c0",
+                        .instructions = 15,
+                        .models = kAll,
+                        .parameters = {{"begins", "probability that the link stops at a frame", 0, 0, 1},
+                                       {"frames", "that it stands still", 5, 1, double(kLatestFrame)}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LateFrames>(s); }};
+
 }  // namespace
-
-extern const EffectEntry late_frames;
-const EffectEntry late_frames{
-    .name = "late_frames",
-    .title = "frames that come late",
-    .equation = "P(stop) = p; then none for n frames, then two at a time until the link has caught up",
-    .source = "derived: a buffer in front of a faster line",
-    .stage = Stage::link,
-    .cost_class = "c0",
-    .instructions = 15,
-    .models = kAll,
-    .parameters = {{"begins", "probability that the link stops at a frame", 0, 0, 1},
-                   {"frames", "that it stands still", 5, 1, double(kLatestFrame)}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LateFrames>(s); }};
-
 }  // namespace tactiled::sim

@@ -31,21 +31,18 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .own_N = s.extent.ambient_K > 0 ? change_N : 0};
 }
 
+const EffectEntry entry{.name = "lead_wires",
+                        .title = "resistance of the lead wires",
+                        .equation = "r = (r + w 3.9e-3/K dT) / (1 + w), w = r_wire / R",
+                        .source = "derived; copper 3.9e-3 / K",
+                        .stage = Stage::converter,
+                        .cost_class = "c0",
+                        .instructions = 90,
+                        .models = kTable | kHair,
+                        .parameters = {{"share", "of the gauge's resistance", 1e-4, 0, 1}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LeadWires>(s); },
+                        .instant = true};
+
 }  // namespace
-
-extern const EffectEntry lead_wires;
-const EffectEntry lead_wires{
-    .name = "lead_wires",
-    .title = "resistance of the lead wires",
-    .equation = "r = (r + w 3.9e-3/K dT) / (1 + w), w = r_wire / R",
-    .source = "derived; copper 3.9e-3 / K",
-    .stage = Stage::converter,
-    .cost_class = "c0",
-    .instructions = 90,
-    .models = kTable | kHair,
-    .parameters = {{"share", "of the gauge's resistance", 1e-4, 0, 1}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LeadWires>(s); },
-    .instant = true};
-
 }  // namespace tactiled::sim

@@ -57,10 +57,7 @@ Bound bound(const Setting& s) {
             .own_N = s.extent.moved_m > 0 ? change_N : 0};
 }
 
-}  // namespace
-
-extern const EffectEntry load_moment;
-const EffectEntry load_moment{
+const EffectEntry entry{
     .name = "load_moment",
     .title = "tilt by an eccentric load",
     .equation = "hair: sigma = F/A (1 + 4 x x0 / R^2); pad: strain + x x0 F / (gap tilt stiffness)",
@@ -74,4 +71,5 @@ const EffectEntry load_moment{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LoadMoment>(s); },
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

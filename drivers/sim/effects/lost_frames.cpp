@@ -69,22 +69,19 @@ Bound bound(const Setting& s) {
     return {.change_N = s.before.change_N(s, gap_s)};
 }
 
+const EffectEntry entry{.name = "lost_frames",
+                        .title = "lost frames",
+                        .equation = "P(bad | good) = p, P(good | bad) = q",
+                        .source = "Gilbert 1960, Elliott 1963",
+                        .stage = Stage::link,
+                        .cost_class = "c0",
+                        .instructions = 50,
+                        .models = kAll,
+                        .parameters = {{"begins", "probability that a frame begins a burst", 1e-5, 0, 1},
+                                       {"ends", "probability that a frame ends it", 0.5, 0, 1},
+                                       {"most", "frames of a burst", 20, 1, 10000}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LostFrames>(s); }};
+
 }  // namespace
-
-extern const EffectEntry lost_frames;
-const EffectEntry lost_frames{
-    .name = "lost_frames",
-    .title = "lost frames",
-    .equation = "P(bad | good) = p, P(good | bad) = q",
-    .source = "Gilbert 1960, Elliott 1963",
-    .stage = Stage::link,
-    .cost_class = "c0",
-    .instructions = 50,
-    .models = kAll,
-    .parameters = {{"begins", "probability that a frame begins a burst", 1e-5, 0, 1},
-                   {"ends", "probability that a frame ends it", 0.5, 0, 1},
-                   {"most", "frames of a burst", 20, 1, 10000}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LostFrames>(s); }};
-
 }  // namespace tactiled::sim

@@ -40,22 +40,19 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .own_N = change_N};
 }
 
+const EffectEntry entry{.name = "mains_hum",
+                        .title = "mains hum",
+                        .equation = "r = r + A (sin p + 0.3 sin 3 p + 0.1 sin 5 p), p = 2 pi f n / rate",
+                        .source = "derived",
+                        .stage = Stage::converter,
+                        .cost_class = "c1",
+                        .instructions = 220,
+                        .models = kAll,
+                        .parameters = {{"amplitude_N", "by default 0.02 % of full scale", kByModel, 0, 100},
+                                       {"frequency_Hz", "of the mains", 50, 0, 1e4}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<MainsHum>(s); },
+                        .instant = true};
+
 }  // namespace
-
-extern const EffectEntry mains_hum;
-const EffectEntry mains_hum{
-    .name = "mains_hum",
-    .title = "mains hum",
-    .equation = "r = r + A (sin p + 0.3 sin 3 p + 0.1 sin 5 p), p = 2 pi f n / rate",
-    .source = "derived",
-    .stage = Stage::converter,
-    .cost_class = "c1",
-    .instructions = 220,
-    .models = kAll,
-    .parameters = {{"amplitude_N", "by default 0.02 % of full scale", kByModel, 0, 100},
-                   {"frequency_Hz", "of the mains", 50, 0, 1e4}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<MainsHum>(s); },
-    .instant = true};
-
 }  // namespace tactiled::sim

@@ -66,10 +66,7 @@ Bound bound(const Setting& s) {
             .coupling = across};
 }
 
-}  // namespace
-
-extern const EffectEntry misalignment;
-const EffectEntry misalignment{
+const EffectEntry entry{
     .name = "misalignment",
     .title = "misalignment of the mount",
     .equation = "F = R^T F, M = R^T M, R = Rz Ry Rx",
@@ -85,4 +82,5 @@ const EffectEntry misalignment{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Misalignment>(s); },
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -35,10 +35,7 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.largest_N(change)};
 }
 
-}  // namespace
-
-extern const EffectEntry mounting_curvature;
-const EffectEntry mounting_curvature{
+const EffectEntry entry{
     .name = "mounting_curvature",
     .title = "mounting on a curve",
     .equation = "strain = thickness / (2 radius) cos^2",
@@ -54,4 +51,5 @@ const EffectEntry mounting_curvature{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<MountingCurvature>(s); },
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

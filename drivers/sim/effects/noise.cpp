@@ -38,10 +38,7 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .own_N = change_N};
 }
 
-}  // namespace
-
-extern const EffectEntry noise;
-const EffectEntry noise{.name = "noise",
+const EffectEntry entry{.name = "noise",
                         .title = "white noise",
                         .equation = "r = r + sigma n",
                         .source = "Cao et al. 2023: 5.14e-6; recorded load cells: 0.025 to 0.043 % of full scale",
@@ -55,4 +52,5 @@ const EffectEntry noise{.name = "noise",
                         .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Noise>(s); },
                         .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

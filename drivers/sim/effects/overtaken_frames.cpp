@@ -38,10 +38,7 @@ Bound bound(const Setting& s) {
     return {.change_N = s.before.change_N(s, 2 * double(s.sensor.every) / s.rate_Hz) + kLastBits_N};
 }
 
-}  // namespace
-
-extern const EffectEntry overtaken_frames;
-const EffectEntry overtaken_frames{
+const EffectEntry entry{
     .name = "overtaken_frames",
     .title = "frames in the wrong order",
     .equation = "P(after the next) = p",
@@ -54,4 +51,5 @@ const EffectEntry overtaken_frames{
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<OvertakenFrames>(s); }};
 
+}  // namespace
 }  // namespace tactiled::sim

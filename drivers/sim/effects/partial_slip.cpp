@@ -58,21 +58,18 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .jump_N = 2 * change_N, .own_N = change_N, .load = change};
 }
 
+const EffectEntry entry{.name = "partial_slip",
+                        .title = "partial slip under a round body",
+                        .equation = "d = 3 mu N / (16 a) ((2-nu1)/G1 + (2-nu2)/G2) (1 - (1 - T/(mu N))^(2/3)); M = M + N d",
+                        .source = "Cattaneo 1938, Mindlin 1949; Johnson, Contact Mechanics, 7.2",
+                        .stage = Stage::contact,
+                        .cost_class = "c1",
+                        .instructions = 80,
+                        .models = kAll,
+                        .parameters = {},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<PartialSlip>(s); },
+                        .instant = true};
+
 }  // namespace
-
-extern const EffectEntry partial_slip;
-const EffectEntry partial_slip{
-    .name = "partial_slip",
-    .title = "partial slip under a round body",
-    .equation = "d = 3 mu N / (16 a) ((2-nu1)/G1 + (2-nu2)/G2) (1 - (1 - T/(mu N))^(2/3)); M = M + N d",
-    .source = "Cattaneo 1938, Mindlin 1949; Johnson, Contact Mechanics, 7.2",
-    .stage = Stage::contact,
-    .cost_class = "c1",
-    .instructions = 80,
-    .models = kAll,
-    .parameters = {},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<PartialSlip>(s); },
-    .instant = true};
-
 }  // namespace tactiled::sim

@@ -48,10 +48,7 @@ Bound bound(const Setting& s) {
     return {.change_N = low_pass_N + s.sensor.largest_N(beyond)};
 }
 
-}  // namespace
-
-extern const EffectEntry piezo_amplifier;
-const EffectEntry piezo_amplifier{
+const EffectEntry entry{
     .name = "piezo_amplifier",
     .title = "amplifier of the piezo film",
     .equation = "v' = 2 pi f_c (u - v), clipped at the saturation limits",
@@ -64,4 +61,5 @@ const EffectEntry piezo_amplifier{
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<PiezoAmplifier>(s); }};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -44,20 +44,17 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.largest_N(change), .gain = 1 + leaks};
 }
 
+const EffectEntry entry{.name = "piezo_leak",
+                        .title = "leak of the piezo film",
+                        .equation = "v' = s' - v / tau",
+                        .source = "derived; tau below 0.1 s follows from the thesis' square wave of 1.66 Hz",
+                        .stage = Stage::transducer,
+                        .cost_class = "c1",
+                        .instructions = 19,
+                        .models = kCapacitive,
+                        .parameters = {{"time_s", "tau = R C, in which the voltage falls to 37 %", 0.1, 1e-5, 1e6}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<PiezoLeak>(s); }};
+
 }  // namespace
-
-extern const EffectEntry piezo_leak;
-const EffectEntry piezo_leak{
-    .name = "piezo_leak",
-    .title = "leak of the piezo film",
-    .equation = "v' = s' - v / tau",
-    .source = "derived; tau below 0.1 s follows from the thesis' square wave of 1.66 Hz",
-    .stage = Stage::transducer,
-    .cost_class = "c1",
-    .instructions = 19,
-    .models = kCapacitive,
-    .parameters = {{"time_s", "tau = R C, in which the voltage falls to 37 %", 0.1, 1e-5, 1e6}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<PiezoLeak>(s); }};
-
 }  // namespace tactiled::sim

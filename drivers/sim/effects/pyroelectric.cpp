@@ -63,10 +63,7 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .gain = 1 + N_of(body_K / scale_N * load_of_error(s.sensor, kFz), any), .own_N = change_N};
 }
 
-}  // namespace
-
-extern const EffectEntry pyroelectric;
-const EffectEntry pyroelectric{
+const EffectEntry entry{
     .name = "pyroelectric",
     .title = "pyroelectric charge",
     .equation = "i = p A dT/dt, v' = i / C - v / tau",
@@ -82,4 +79,5 @@ const EffectEntry pyroelectric{
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Pyroelectric>(s); }};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -35,10 +35,7 @@ Bound bound(const Setting& s) {
     return {.change_N = half_N, .jump_N = 2 * half_N, .own_N = half_N};
 }
 
-}  // namespace
-
-extern const EffectEntry quantisation;
-const EffectEntry quantisation{
+const EffectEntry entry{
     .name = "quantisation",
     .title = "steps of the converter",
     .equation = "r = step floor(r / step + 1/2)",
@@ -52,4 +49,5 @@ const EffectEntry quantisation{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Quantisation>(s); },
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -28,10 +28,7 @@ Bound bound(const Setting& s) {
     return {.change_N = s.before.change_N(s, double(s.sensor.every) / s.rate_Hz) + kLastBits_N};
 }
 
-}  // namespace
-
-extern const EffectEntry repeated_frames;
-const EffectEntry repeated_frames{
+const EffectEntry entry{
     .name = "repeated_frames",
     .title = "frames that come twice",
     .equation = "P(again) = p",
@@ -44,4 +41,5 @@ const EffectEntry repeated_frames{
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<RepeatedFrames>(s); }};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -24,10 +24,7 @@ Bound bound(const Setting& s) {
     return {.change_N = shift_N(s, late_s), .slack_s = 2 * late_s};  // one sample early, the other late
 }
 
-}  // namespace
-
-extern const EffectEntry sampling_jitter;
-const EffectEntry sampling_jitter{
+const EffectEntry entry{
     .name = "sampling_jitter",
     .title = "jitter of the sampling clock",
     .equation = "t = t + sigma n",
@@ -40,4 +37,5 @@ const EffectEntry sampling_jitter{
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<SamplingJitter>(s); }};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -34,21 +34,18 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.largest_N(change)};
 }
 
+const EffectEntry entry{.name = "saturation",
+                        .title = "saturation limits of the converter",
+                        .equation = "r = min(max(r, zero - rail), zero + rail)",
+                        .source = "full scales: 10 N of the capacitive sensor, 2 kPa of the hairs, 1 N of the table",
+                        .stage = Stage::converter,
+                        .cost_class = "c1",
+                        .instructions = 150,
+                        .models = kAll,
+                        .parameters = {{"rail", "of the reading with each force at full scale", 1.25, 0.01, 1e3}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Saturation>(s); },
+                        .instant = true};
+
 }  // namespace
-
-extern const EffectEntry saturation;
-const EffectEntry saturation{
-    .name = "saturation",
-    .title = "saturation limits of the converter",
-    .equation = "r = min(max(r, zero - rail), zero + rail)",
-    .source = "full scales: 10 N of the capacitive sensor, 2 kPa of the hairs, 1 N of the table",
-    .stage = Stage::converter,
-    .cost_class = "c1",
-    .instructions = 150,
-    .models = kAll,
-    .parameters = {{"rail", "of the reading with each force at full scale", 1.25, 0.01, 1e3}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Saturation>(s); },
-    .instant = true};
-
 }  // namespace tactiled::sim

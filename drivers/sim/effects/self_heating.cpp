@@ -13,10 +13,7 @@ PerUnit per_K(const Setting& s) {
     return all;
 }
 
-}  // namespace
-
-extern const EffectEntry self_heating;
-const EffectEntry self_heating{
+const EffectEntry entry{
     .name = "self_heating",
     .title = "self-heating of the gauges",
     .equation = "r = r + alpha_k T, T' = (V^2 / R R_thermal - T) / tau",
@@ -32,4 +29,5 @@ const EffectEntry self_heating{
     .bound = [](const Setting& s) { return approach_bound(s, per_K(s)); },
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Approach>(s, per_K(s)); }};
 
+}  // namespace
 }  // namespace tactiled::sim

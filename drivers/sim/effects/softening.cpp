@@ -42,21 +42,18 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.channel_N(change), .gain = gain, .load = change, .load_gain = gain};
 }
 
+const EffectEntry entry{.name = "softening",
+                        .title = "softening by the first cycles",
+                        .equation = "y = u (1 + d (1 - |u| / max |u| so far))",
+                        .source = "Mullins 1969; Ogden, Roxburgh 1999, linear in the load",
+                        .stage = Stage::material,
+                        .cost_class = "c1",
+                        .instructions = 90,
+                        .models = kHair | kCapacitive,
+                        .parameters = {{"amount", "d, of the load", 0.05, 0, 1}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Softening>(s); },
+                        .levels = [](const Setting& s) { return fewer_axes<Softening>(s, largest_change(s)); }};
+
 }  // namespace
-
-extern const EffectEntry softening;
-const EffectEntry softening{
-    .name = "softening",
-    .title = "softening by the first cycles",
-    .equation = "y = u (1 + d (1 - |u| / max |u| so far))",
-    .source = "Mullins 1969; Ogden, Roxburgh 1999, linear in the load",
-    .stage = Stage::material,
-    .cost_class = "c1",
-    .instructions = 90,
-    .models = kHair | kCapacitive,
-    .parameters = {{"amount", "d, of the load", 0.05, 0, 1}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Softening>(s); },
-    .levels = [](const Setting& s) { return fewer_axes<Softening>(s, largest_change(s)); }};
-
 }  // namespace tactiled::sim

@@ -80,21 +80,19 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .own_N = change_N};
 }
 
+const EffectEntry entry{.name = "spikes",
+                        .title = "spikes of interference",
+                        .equation = "r = r + sum of A_i exp(-(t - t_i) / tau), t_i a Poisson process",
+                        .source = "derived",
+                        .stage = Stage::converter,
+                        .cost_class = "c1",
+                        .instructions = 130,
+                        .models = kAll,
+                        .parameters = {{"rate_1_s", "spikes a second", 0.01, 0, 1000},
+                                       {"time_s", "in which one goes down to a third", 2e-3, 1e-6, 10},
+                                       {"amplitude_N", "of the largest; by default 5 % of full scale", kByModel, 0, 1e4}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Spikes>(s); }};
+
 }  // namespace
-
-extern const EffectEntry spikes;
-const EffectEntry spikes{.name = "spikes",
-                         .title = "spikes of interference",
-                         .equation = "r = r + sum of A_i exp(-(t - t_i) / tau), t_i a Poisson process",
-                         .source = "derived",
-                         .stage = Stage::converter,
-                         .cost_class = "c1",
-                         .instructions = 130,
-                         .models = kAll,
-                         .parameters = {{"rate_1_s", "spikes a second", 0.01, 0, 1000},
-                                        {"time_s", "in which one goes down to a third", 2e-3, 1e-6, 10},
-                                        {"amplitude_N", "of the largest; by default 5 % of full scale", kByModel, 0, 1e4}},
-                         .bound = bound,
-                         .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Spikes>(s); }};
-
 }  // namespace tactiled::sim

@@ -59,10 +59,7 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .jump_N = 2 * change_N, .own_N = change_N, .load = change};
 }
 
-}  // namespace
-
-extern const EffectEntry stick_slip;
-const EffectEntry stick_slip{
+const EffectEntry entry{
     .name = "stick_slip",
     .title = "stick-slip",
     .equation = "T' = k v up to mu_s N, then falls to (2 mu_k - mu_s) N; mu_s - mu_k -> (mu_s - mu_k) exp(-(v / v_s)^2)",
@@ -76,4 +73,5 @@ const EffectEntry stick_slip{
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<StickSlip>(s); }};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -31,10 +31,7 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .own_N = change_N};
 }
 
-}  // namespace
-
-extern const EffectEntry stray_capacitance;
-const EffectEntry stray_capacitance{
+const EffectEntry entry{
     .name = "stray_capacitance",
     .title = "stray capacitance of a moving cable",
     .equation = "C = C + sigma n(t), n below a frequency",
@@ -47,4 +44,5 @@ const EffectEntry stray_capacitance{
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<StrayCapacitance>(s); }};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -34,10 +34,7 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .gain = 1 + part, .own_N = change_N};
 }
 
-}  // namespace
-
-extern const EffectEntry temperature_gain;
-const EffectEntry temperature_gain{
+const EffectEntry entry{
     .name = "temperature_gain",
     .title = "gain by temperature",
     .equation = "r = zero + (1 + beta dT) (r - zero)",
@@ -52,4 +49,5 @@ const EffectEntry temperature_gain{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<TemperatureGain>(s); },
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -30,10 +30,7 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .own_N = change_N, .own_rate_N_s = rate_N_s};
 }
 
-}  // namespace
-
-extern const EffectEntry temperature_zero;
-const EffectEntry temperature_zero{
+const EffectEntry entry{
     .name = "temperature_zero",
     .title = "zero by temperature",
     .equation = "r = r + alpha_k dT",
@@ -49,4 +46,5 @@ const EffectEntry temperature_zero{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<TemperatureZero>(s); },
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -61,10 +61,7 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .gain = 1 + s.sensor.channel_N(more), .own_N = change_N, .load = change};
 }
 
-}  // namespace
-
-extern const EffectEntry texture;
-const EffectEntry texture{
+const EffectEntry entry{
     .name = "texture",
     .title = "ridges of a sliding body",
     .equation = "N = N + min(k h/2 |sinc(2 a / pitch)|, N) sin(2 pi slide / pitch), T likewise with mu_k",
@@ -79,4 +76,5 @@ const EffectEntry texture{
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Texture>(s); },
     .instant = true};
 
+}  // namespace
 }  // namespace tactiled::sim

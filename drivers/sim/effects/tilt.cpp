@@ -66,20 +66,18 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.largest_N(change), .gain = gain};
 }
 
+const EffectEntry entry{.name = "tilt",
+                        .title = "tilted electrode",
+                        .equation = "C -> C 2 (1 - (1 - k^2)^(1/2)) / k^2, k = radius * tilt / gap",
+                        .source = "derived",
+                        .stage = Stage::transducer,
+                        .cost_class = "c1",
+                        .instructions = 240,
+                        .models = kCapacitive,
+                        .parameters = {{"mounted_rad", "tilt at rest", 0.01, 0, 0.2}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Tilt>(s); },
+                        .instant = true};
+
 }  // namespace
-
-extern const EffectEntry tilt;
-const EffectEntry tilt{.name = "tilt",
-                       .title = "tilted electrode",
-                       .equation = "C -> C 2 (1 - (1 - k^2)^(1/2)) / k^2, k = radius * tilt / gap",
-                       .source = "derived",
-                       .stage = Stage::transducer,
-                       .cost_class = "c1",
-                       .instructions = 240,
-                       .models = kCapacitive,
-                       .parameters = {{"mounted_rad", "tilt at rest", 0.01, 0, 0.2}},
-                       .bound = bound,
-                       .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Tilt>(s); },
-                       .instant = true};
-
 }  // namespace tactiled::sim

@@ -55,10 +55,7 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .gain = 1 + max_N * by_error / scale_N(s.sensor), .own_N = change_N};
 }
 
-}  // namespace
-
-extern const EffectEntry triboelectric;
-const EffectEntry triboelectric{
+const EffectEntry entry{
     .name = "triboelectric",
     .title = "triboelectric charge",
     .equation = "v = v + sigma n(t) min(1, |F - F slow| / F0)",
@@ -72,4 +69,5 @@ const EffectEntry triboelectric{
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Triboelectric>(s); }};
 
+}  // namespace
 }  // namespace tactiled::sim

@@ -80,21 +80,18 @@ Bound bound(const Setting& s) {
     return {.change_N = max, .own_N = max};
 }
 
+const EffectEntry entry{.name = "zero_walk",
+                        .title = "walk of the zero",
+                        .equation = "r = r + B(t), B a Brownian path",
+                        .source = "Levy's construction",
+                        .stage = Stage::transducer,
+                        .cost_class = "c1",
+                        .instructions = 290,
+                        .models = kAll,
+                        .parameters = {{"after_1_s_N", "standard deviation after one second; by default 1e-5 of full scale",
+                                        std::numeric_limits<double>::quiet_NaN(), 0, 100}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ZeroWalk>(s); }};
+
 }  // namespace
-
-extern const EffectEntry zero_walk;
-const EffectEntry zero_walk{
-    .name = "zero_walk",
-    .title = "walk of the zero",
-    .equation = "r = r + B(t), B a Brownian path",
-    .source = "Levy's construction",
-    .stage = Stage::transducer,
-    .cost_class = "c1",
-    .instructions = 290,
-    .models = kAll,
-    .parameters = {{"after_1_s_N", "standard deviation after one second; by default 1e-5 of full scale",
-                    std::numeric_limits<double>::quiet_NaN(), 0, 100}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ZeroWalk>(s); }};
-
 }  // namespace tactiled::sim
