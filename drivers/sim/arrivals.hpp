@@ -16,7 +16,7 @@ struct SentFrame {
     double t_s = 0;
     std::uint32_t missing = 0;
     bool dropped = true;
-    std::array<double, kMaxSensorChannels> channel{};
+    Channels channel{};
 };
 
 class Arrivals {

@@ -6,9 +6,11 @@
 
 namespace tactiled::sim {
 
-inline constexpr std::size_t kMaxSensorChannels = 8;  // channels of one sensor
-inline constexpr std::size_t kAxes = 5;               // fx fy fz (N), mx my (Nm): no sensor here measures mz
+inline constexpr std::size_t kMaxSensorChannels = 8;      // channels of one sensor
+using Channels = std::array<double, kMaxSensorChannels>;  // one number per channel, in its unit unless stated otherwise
+inline constexpr std::size_t kAxes = 5;                   // fx fy fz (N), mx my (Nm): no sensor here measures mz
 enum Axis : std::size_t { kFx, kFy, kFz, kMx, kMy };
+using Load = std::array<double, kAxes>;  // N and Nm, unless stated otherwise
 
 struct Block {
     static constexpr std::size_t kSize = 64;

@@ -1,6 +1,7 @@
 // An effect: one behaviour of a real sensor that an ideal one does not have. Each effect has its own file in effects/
 // and is listed in chain.cpp.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -8,6 +9,8 @@
 #include <memory>
 #include <span>
 #include <string_view>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "config/registry.hpp"
@@ -42,9 +45,9 @@ struct Setting;
 // Changes of the channels by the effects before this one, beyond the linear model of the extent's loads; N as in
 // Bound.
 struct Before {
-    std::array<double, kAxes> load{};  // contact and material: sum of the possible changes
-    double max_N = 0;                  // transducer and converter: sum of the bounds
-    double gain = 1;                   // product of the gains
+    Load load{};       // contact and material: sum of the possible changes
+    double max_N = 0;  // transducer and converter: sum of the bounds
+    double gain = 1;   // product of the gains
     struct Own {
         double max_N, rate_N_s;
     };
@@ -86,7 +89,7 @@ struct Bound {
     double own_N = 0, own_rate_N_s = std::numeric_limits<double>::infinity();
     // Contact and material: possible change of each component of the load (N, Nm); factor on its rate; share of one
     // force's rate that can couple into another.
-    std::array<double, kAxes> load{};
+    Load load{};
     double load_gain = 1, coupling = 0;
     // Time: possible increase of the distance between two samples.
     double stretch = 1, slack_s = 0;
@@ -105,6 +108,75 @@ public:
     // rt: wait-free; no allocation
     virtual void apply(Block& block) noexcept = 0;
 };
+
+// Effects without a class of their own. `f` holds the parameters and, if it is mutable, the state of the effect; the
+// contract of Effect::apply is that of f, too.
+
+// Calls f(block).
+template <class F>
+class EachBlock final : public Effect {
+public:
+    explicit EachBlock(F f) : f_(std::move(f)) {}
+    void apply(Block& block) noexcept override { f_(block); }
+
+private:
+    F f_;
+};
+template <class F>
+std::unique_ptr<Effect> each_block(F f) {
+    return std::make_unique<EachBlock<F>>(std::move(f));
+}
+
+// Calls f(block, n) for each sample.
+template <class F>
+std::unique_ptr<Effect> each_sample(F f) {
+    return each_block([f = std::move(f)](Block& block) mutable {
+        for (std::size_t n = 0; n < block.n; ++n) f(block, n);
+    });
+}
+
+// Calls f(block, n, number) for each sample with a frame of the sensor, which is its frame `number`.
+template <class F>
+std::unique_ptr<Effect> each_frame(const Setting& s, F f) {
+    return each_sample([every = s.sensor.every, f = std::move(f)](Block& block, std::size_t n) mutable {
+        const std::uint64_t sample = block.first + n;
+        if (sample % every == 0) f(block, n, sample / every);
+    });
+}
+
+// Replaces each reading r of the channels k = first .. end - 1, channel after channel, by f(r, k, block, n) or f(r, k).
+template <class F>
+std::unique_ptr<Effect> each_reading(std::size_t first, std::size_t end, F f) {
+    return each_block([first, end, f = std::move(f)](Block& block) mutable {
+        for (std::size_t k = first; k < end; ++k)
+            for (std::size_t n = 0; n < block.n; ++n) {
+                double& r = block.channel[k][n];
+                if constexpr (std::is_invocable_v<F&, double, std::size_t>)
+                    r = f(r, k);
+                else
+                    r = f(r, k, std::as_const(block), n);
+            }
+    });
+}
+template <class F>
+std::unique_ptr<Effect> each_reading(const Setting& s, F f) {
+    return each_reading(0, s.sensor.n(), std::move(f));
+}
+// The readings of the piezo film. Without a film there are none, and find() gives a channel whose zero and per_N are 0:
+// sensors that may have a film have fewer than kMaxSensorChannels channels.
+template <class F>
+std::unique_ptr<Effect> each_film_reading(const Setting& s, F f) {
+    const std::size_t film = s.sensor.find("Vp");
+    return each_reading(film, std::min(film + 1, s.sensor.n()), std::move(f));
+}
+
+// Returns f(k) of each channel k.
+template <class F>
+Channels per_channel(const Setting& s, F f) {
+    Channels all{};
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) all[k] = f(k);
+    return all;
+}
 
 // A cheaper model of an effect, in one setting.
 struct Level {

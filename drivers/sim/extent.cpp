@@ -190,8 +190,8 @@ double Extent::change(Axis axis, double seconds) const {
     return std::min(span[axis], rate[axis] * apart + jump[axis] * jumps + 2 * added[axis]);
 }
 
-std::array<double, kAxes> Extent::changes(double seconds) const {
-    std::array<double, kAxes> all{};
+Load Extent::changes(double seconds) const {
+    Load all{};
     for (std::size_t axis = 0; axis < kAxes; ++axis) all[axis] = change(Axis(axis), seconds);
     return all;
 }
@@ -200,7 +200,7 @@ Extent Motion::extent(const Sensor& sensor, std::size_t first, std::size_t last)
     Extent e;
     std::array<Span, kAxes> span;
     std::array<int, 3> went{};
-    std::array<double, kAxes> end_jump{};  // jump at the end of the previous segment
+    Load end_jump{};  // jump at the end of the previous segment
     double jumped_s = -std::numeric_limits<double>::infinity();
     bool friction_known = false;
     const bool covers = covers_array(body_, sensor);

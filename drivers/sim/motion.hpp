@@ -56,13 +56,13 @@ struct Segment {
 
 // Largest values over a scene (or its beginning) at one sensor, with its share and rotation: the input of bounds.
 struct Extent {
-    std::array<double, kAxes> max{};    // |load|: N, Nm
-    std::array<double, kAxes> span{};   // maximum minus minimum, including the 0 before the scene
-    std::array<double, kAxes> rate{};   // |d load / dt|, N/s, Nm/s, outside jumps
-    std::array<double, kAxes> jump{};   // largest immediate change
-    std::array<double, kAxes> added{};  // by effects of the contact, at any instant and in any order
+    Load max{};    // |load|: N, Nm
+    Load span{};   // maximum minus minimum, including the 0 before the scene
+    Load rate{};   // |d load / dt|, N/s, Nm/s, outside jumps
+    Load jump{};   // largest immediate change
+    Load added{};  // by effects of the contact, at any instant and in any order
     // largest decrease of a load through them, if the scene's own load never decreases
-    std::array<double, kAxes> back{};
+    Load back{};
     double jump_every_s = 1e300;  // minimum time between two jumps that are not of one wave
     double press_min_N = 0;       // minimum press while a shear acts
     double shear_excess_N = 0;    // largest of shear - friction * press, >= 0
@@ -82,7 +82,7 @@ struct Extent {
     [[nodiscard]] double apart_s(double seconds) const { return stretch * seconds + slack_s; }
     // Largest change of a component of the load within that time.
     [[nodiscard]] double change(Axis axis, double seconds) const;
-    [[nodiscard]] std::array<double, kAxes> changes(double seconds) const;  // for each component
+    [[nodiscard]] Load changes(double seconds) const;  // for each component
 };
 
 class Motion {

@@ -19,7 +19,7 @@ constexpr Known kModels[] = {{"table", Model::table, read_table},
                              {"capacitive", Model::capacitive, read_capacitive}};
 
 // 1 N in the channel's unit: see Sensor::per_N.
-double per_newton(const std::array<double, kAxes>& gain) {
+double per_newton(const Load& gain) {
     const double max = std::max({std::abs(gain[kFx]), std::abs(gain[kFy]), std::abs(gain[kFz])});
     double min = max;
     for (const Axis axis : {kFx, kFy, kFz})
@@ -53,14 +53,14 @@ std::size_t Sensor::find(std::string_view channel) const {
     return std::size_t(std::find(channels.begin(), channels.end(), channel) - channels.begin());
 }
 
-double Sensor::channel_N(const std::array<double, kAxes>& change) const {
-    std::array<double, kMaxSensorChannels> reads{};
+double Sensor::channel_N(const Load& change) const {
+    Channels reads{};
     for (std::size_t k = 0; k < n(); ++k)
         for (std::size_t axis = 0; axis < kAxes; ++axis) reads[k] += std::abs(gain[k][axis]) * change[axis];
     return largest_N(reads);
 }
 
-double Sensor::largest_N(const std::array<double, kMaxSensorChannels>& change) const {
+double Sensor::largest_N(const Channels& change) const {
     double max = 0;
     for (std::size_t k = 0; k < n(); ++k)
         if (per_N[k] > 0) max = std::max(max, std::abs(change[k]) / per_N[k]);

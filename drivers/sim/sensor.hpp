@@ -44,13 +44,13 @@ struct CapacitiveSample {
 struct Sensor {
     std::string name;
     Model model{};
-    std::vector<std::string> channels;              // "R1" .. "R8"; "H1" .. "H4"; "C1" .. "C4", "Cn", "Vp"
-    std::string unit;                               // "dR/R0" or "pF" ("Vp": V)
-    std::array<double, kMaxSensorChannels> zero{};  // readings without load
-    std::array<std::array<double, kAxes>, kMaxSensorChannels> gain{};  // unit per N of fx fy fz and per Nm of mx my
+    std::vector<std::string> channels;            // "R1" .. "R8"; "H1" .. "H4"; "C1" .. "C4", "Cn", "Vp"
+    std::string unit;                             // "dR/R0" or "pF" ("Vp": V)
+    Channels zero{};                              // readings without load
+    std::array<Load, kMaxSensorChannels> gain{};  // unit per N of fx fy fz and per Nm of mx my
     // Change of the channel per 1 N, in its unit: its response to the axis with the smallest response above a tenth
     // of the largest. An error in N is thus rather overestimated than underestimated.
-    std::array<double, kMaxSensorChannels> per_N{};
+    Channels per_N{};
     double resolution_N{}, full_scale_N{};
     std::uint64_t serial = 1;  // identifies the individual sensor: its random differences are drawn from it
     TableSample table{};
@@ -70,9 +70,9 @@ struct Sensor {
 
     // Returns the largest change of any channel, in N, if each component of the load changes by at most that much (N,
     // Nm).
-    [[nodiscard]] double channel_N(const std::array<double, kAxes>& change) const;
+    [[nodiscard]] double channel_N(const Load& change) const;
     // Returns the largest of these changes of channels (in their units), in N.
-    [[nodiscard]] double largest_N(const std::array<double, kMaxSensorChannels>& change) const;
+    [[nodiscard]] double largest_N(const Channels& change) const;
 };
 
 // Reads a [[sensor]] table of a scene; an array gives one sensor per taxel. Errors go to the options' Problems. setup

@@ -102,7 +102,7 @@ void Simulation::apply_and_measure(Line& line) noexcept {
         step.effect->apply(block);
         double& max = line.shares_N[step.decision];
         for (std::size_t n = 0; n < block.n; ++n) {
-            std::array<double, kMaxSensorChannels> change{};
+            Channels change{};
             const bool load = step.stage == Stage::contact, drive = step.stage == Stage::material;
             for (std::size_t k = 0; k < sensor.n(); ++k) {
                 if (!load && !drive) change[k] = block.channel[k][n] - was.channel[k][n];

@@ -12,25 +12,19 @@ double pull_off_N(const Setting& s) {
 }
 
 // From the instant at which the press ends, the pull rises linearly to the pull-off force and then drops to 0.
-class Adhesion final : public Effect {
-public:
-    explicit Adhesion(const Setting& s) : pull_N_(pull_off_N(s)), step_(1 / (s.p[0] * s.rate_Hz)) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
+std::unique_ptr<Effect> make(const Setting& s) {
+    // place: progress from the end of the press, 0, to the separation, 1
+    return each_sample(
+        [pull_N = pull_off_N(s), step = 1 / (s.p[0] * s.rate_Hz), place = 1.0](Block& block, std::size_t n) mutable {
             double& fz = block.load[kFz][n];
             if (fz < 0) {
-                place_ = 0;
-            } else if (place_ < 1) {
-                place_ = std::min(place_ + step_, 1.0);
-                if (place_ < 1) fz += pull_N_ * place_;
+                place = 0;
+            } else if (place < 1) {
+                place = std::min(place + step, 1.0);
+                if (place < 1) fz += pull_N * place;
             }
-        }
-    }
-
-private:
-    double pull_N_, step_;
-    double place_ = 1;  // progress from the end of the press, 0, to the separation, 1
-};
+        });
+}
 
 // Without a decrease of the press there is no separation.
 Bound bound(const Setting& s) {
@@ -50,7 +44,7 @@ const EffectEntry entry{.name = "adhesion",
                         .models = kAll,
                         .parameters = {{"separation_s", "from the end of the press until it comes off", 0.01, 1e-6, 10}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Adhesion>(s); }};
+                        .make = make};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -58,7 +58,7 @@ Bound bound(const Setting& s) {
     const double count = double(neighbours(s.sensor).size());
     if (count == 0 || s.scene == nullptr) return {};
     const auto& observed_load = covers_array(s.body, s.sensor) ? s.before.load : s.extent.max;
-    std::array<double, kAxes> change{};
+    Load change{};
     for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] = s.p[0] * count * observed_load[axis];
     const double change_N = s.sensor.channel_N(change);
     return {.change_N = change_N + kLastBits_N, .own_N = change_N, .load = change};

@@ -36,7 +36,7 @@ public:
 private:
     Stream random_;
     std::uint64_t every_;
-    std::array<double, kMaxSensorChannels> from_{}, to_{};
+    Channels from_{}, to_{};
     std::array<std::uint64_t, kMaxSensorChannels> at_{~0ull - 1, ~0ull - 1, ~0ull - 1, ~0ull - 1,
                                                       ~0ull - 1, ~0ull - 1, ~0ull - 1, ~0ull - 1};
 };

@@ -31,31 +31,22 @@ private:
 
 // Two's complement, in steps of the converter: the inverted bit adds its weight if it was 0 and subtracts it if it
 // was 1.
-class BitErrors final : public Effect {
-public:
-    explicit BitErrors(const Setting& s) : channels_(s.sensor.n()), top_bit_(int(s.p[1]) - 1), hits_(s) {
-        for (std::size_t k = 0; k < channels_; ++k) step_[k] = converter_step(s.sensor, k);
-    }
-    void apply(Block& block) noexcept override {
-        const double begin = double(block.first) * double(channels_);
-        for (; hits_.value() < begin + double(block.n * channels_); hits_.draw()) {
-            const auto place = std::size_t(hits_.value() - begin);
-            const std::size_t k = place % channels_;
-            if (step_[k] <= 0) continue;
-            double& value = block.channel[k][place / channels_];
-            const double steps = std::clamp(std::floor(value / step_[k] + 0.5), -9e15, 9e15);
-            const bool set = (std::int64_t(steps) >> hits_.bit() & 1) != 0;
-            const double weight = std::ldexp(step_[k], hits_.bit());
-            value += set == (hits_.bit() == top_bit_) ? weight : -weight;
+std::unique_ptr<Effect> make(const Setting& s) {
+    const Channels step = per_channel(s, [&](std::size_t k) { return converter_step(s.sensor, k); });
+    return each_block([channels = s.sensor.n(), top_bit = int(s.p[1]) - 1, step, hits = Hits(s)](Block& block) mutable {
+        const double begin = double(block.first) * double(channels);
+        for (; hits.value() < begin + double(block.n * channels); hits.draw()) {
+            const auto place = std::size_t(hits.value() - begin);
+            const std::size_t k = place % channels;
+            if (step[k] <= 0) continue;
+            double& value = block.channel[k][place / channels];
+            const double steps = std::clamp(std::floor(value / step[k] + 0.5), -9e15, 9e15);
+            const bool set = (std::int64_t(steps) >> hits.bit() & 1) != 0;
+            const double weight = std::ldexp(step[k], hits.bit());
+            value += set == (hits.bit() == top_bit) ? weight : -weight;
         }
-    }
-
-private:
-    std::size_t channels_;
-    int top_bit_;
-    Hits hits_;
-    Channels step_{};
-};
+    });
+}
 
 // The largest error in the scene; beyond 10,000 errors, the largest possible one.
 Bound bound(const Setting& s) {
@@ -83,7 +74,7 @@ const EffectEntry entry{
     .models = kAll,
     .parameters = {{"probability", "of a bit", 1e-12, 0, 0.01}, {"bits", "of a value, with its sign", 16, 1, 32}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<BitErrors>(s); }};
+    .make = make};
 
 }  // namespace
 }  // namespace tactiled::sim

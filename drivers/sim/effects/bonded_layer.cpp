@@ -2,6 +2,7 @@
 // become.
 #include <cmath>
 
+#include "drivers/sim/effects/axes.hpp"
 #include "drivers/sim/effects/reach.hpp"
 #include "drivers/sim/effects/surrogate.hpp"
 
@@ -24,47 +25,26 @@ double softer(double N, double strain_per_N, double power) {
     return reduced;
 }
 
-class BondedLayer final : public Effect {
-public:
-    explicit BondedLayer(const Setting& s) : strain_per_N_(s.sensor.capacitive.strain_per_N), power_(s.p[0]) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            double& z = block.drive[kFz][n];
-            z = -softer(-z, strain_per_N_, power_);
-        }
-    }
-
-private:
-    double strain_per_N_, power_;
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_drive(kPress, [per_N = s.sensor.capacitive.strain_per_N, power = s.p[0]](double z, std::size_t) {
+        return -softer(-z, per_N, power);
+    });
+}
 
 // N (1 - c^-p) grows with N and more slowly than N.
 Bound bound(const Setting& s) {
     const double z = max(s, kFz);
-    const std::array<double, kAxes> change{0, 0, z - softer(z, s.sensor.capacitive.strain_per_N, s.p[0]), 0, 0};
+    const Load change{0, 0, z - softer(z, s.sensor.capacitive.strain_per_N, s.p[0]), 0, 0};
     return {.change_N = s.sensor.channel_N(change), .load = change};
 }
 
 // Approximates a press by a polynomial; a pull is unchanged.
-class PolynomialLayer final : public Effect {
-public:
-    explicit PolynomialLayer(const Polynomial<6>& softened) : softened_(softened) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            double& z = block.drive[kFz][n];
-            z = z < 0 ? -softened_(-z) : z;
-        }
-    }
-
-private:
-    Polynomial<6> softened_;
-};
-
 std::vector<Level> levels(const Setting& s) {
     const double per_N = s.sensor.capacitive.strain_per_N, power = s.p[0];
     const Polynomial<6> softened([&](double N) { return softer(N, per_N, power); }, 0, kBeyond * max(s, kFz));
-    return {{"polynomial", s.sensor.channel_N({0, 0, softened.error(), 0, 0}),
-             [softened](const Setting&) { return std::make_unique<PolynomialLayer>(softened); }}};
+    return {{"polynomial", s.sensor.channel_N({0, 0, softened.error(), 0, 0}), [softened](const Setting&) {
+                 return each_drive(kPress, [softened](double z, std::size_t) { return z < 0 ? -softened(-z) : z; });
+             }}};
 }
 
 const EffectEntry entry{.name = "bonded_layer",
@@ -77,7 +57,7 @@ const EffectEntry entry{.name = "bonded_layer",
                         .models = kCapacitive,
                         .parameters = {{"power", "p; 0.14 where the pad is four times as wide as thick", 0.14, 0, 1}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<BondedLayer>(s); },
+                        .make = make,
                         .levels = levels,
                         .instant = true};
 

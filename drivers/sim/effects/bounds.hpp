@@ -16,17 +16,6 @@ inline constexpr double kByModel = std::numeric_limits<double>::quiet_NaN();  //
 // Change by rounding errors of the arithmetic, which matters only if a rounding to steps comes after it.
 inline constexpr double kLastBits_N = 1e-12;
 
-using Channels = std::array<double, kMaxSensorChannels>;
-
-// Returns the largest change of each channel, in its unit, if each component of the load changes by at most that
-// much.
-inline Channels channel_changes(const Sensor& sensor, const std::array<double, kAxes>& change) {
-    Channels result{};
-    for (std::size_t k = 0; k < sensor.n(); ++k)
-        for (std::size_t axis = 0; axis < kAxes; ++axis) result[k] += std::abs(sensor.gain[k][axis]) * change[axis];
-    return result;
-}
-
 // Reading of a channel when each force is at full scale: half the range of its converter.
 inline double half_range(const Sensor& sensor, std::size_t channel) {
     double sum = 0;
@@ -76,7 +65,7 @@ double lag_N(const Setting& s, double horizon_s, Older older) {
 
 // Returns the largest change of a sample with that error of its time.
 inline double shift_N(const Setting& s, double seconds) {
-    std::array<double, kAxes> change = s.extent.changes(seconds);
+    Load change = s.extent.changes(seconds);
     if (s.body.texture_height_m > 0 && s.extent.speed_m_s > 0) {  // the ridge is at another phase
         const double turn = 6.283185307179586 * s.extent.speed_m_s * seconds / s.body.texture_pitch_m;
         for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] += std::min(2.0, turn) * s.extent.max[axis];
@@ -96,8 +85,8 @@ inline double shift_N(const Setting& s, double seconds) {
 
 // Returns the largest change of each component of the load alone if no channel changes by more than 1 N; 0 if no
 // channel responds to it.
-inline std::array<double, kAxes> observed(const Sensor& sensor) {
-    std::array<double, kAxes> result{};
+inline Load observed(const Sensor& sensor) {
+    Load result{};
     for (std::size_t axis = 0; axis < kAxes; ++axis) result[axis] = load_of_error(sensor, Axis(axis));
     return result;
 }

@@ -17,23 +17,15 @@ double mass_kg(const Setting& s) {
 }
 
 // Added to the channels directly, to first order: it is small, so it does not change the load of other effects.
-class CapWeight final : public Effect {
-public:
-    explicit CapWeight(const Setting& s) : channels_(s.sensor.n()), mass_kg_(mass_kg(s)), gravity_m_s2_(s.p[1]) {
-        for (std::size_t k = 0; k < channels_; ++k)
-            per_N_[k] = std::sin(s.p[2]) * s.sensor.gain[k][kFx] - std::cos(s.p[2]) * s.sensor.gain[k][kFz];
-    }
-    void apply(Block& block) noexcept override {
-        for (std::size_t k = 0; k < channels_; ++k)
-            for (std::size_t n = 0; n < block.n; ++n)
-                block.channel[k][n] += per_N_[k] * mass_kg_ * (gravity_m_s2_ + block.acceleration_m_s2[n]);
-    }
-
-private:
-    std::size_t channels_;
-    double mass_kg_, gravity_m_s2_;
-    Channels per_N_{};
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    const Channels per_N = per_channel(s, [&](std::size_t k) {
+        return std::sin(s.p[2]) * s.sensor.gain[k][kFx] - std::cos(s.p[2]) * s.sensor.gain[k][kFz];
+    });
+    return each_reading(
+        s, [per_N, mass_kg = mass_kg(s), gravity_m_s2 = s.p[1]](double r, std::size_t k, const Block& block, std::size_t n) {
+            return r + per_N[k] * mass_kg * (gravity_m_s2 + block.acceleration_m_s2[n]);
+        });
+}
 
 Bound bound(const Setting& s) {
     const double max_N = mass_kg(s) * (std::abs(s.p[1]) + s.extent.acceleration_m_s2);
@@ -56,7 +48,7 @@ const EffectEntry entry{
                    {"gravity_m_s2", "against the attitude in which the zero was taken", 9.80665, -20, 20},
                    {"tilt_rad", "of the weight, from -z towards +x", 0, -6.3, 6.3}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<CapWeight>(s); },
+    .make = make,
     .instant = true};
 
 }  // namespace

@@ -6,16 +6,9 @@
 namespace tactiled::sim {
 namespace {
 
-class ClockDrift final : public Effect {
-public:
-    explicit ClockDrift(const Setting& s) : error_(s.p[0] * 1e-6) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) block.t_s[n] += error_ * block.t_s[n];
-    }
-
-private:
-    double error_;
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_sample([error = s.p[0] * 1e-6](Block& block, std::size_t n) { block.t_s[n] += error * block.t_s[n]; });
+}
 
 Bound bound(const Setting& s) {
     const double length_s = std::max(s.extent.length_s, double(s.samples) / s.rate_Hz);
@@ -33,7 +26,7 @@ const EffectEntry entry{.name = "clock_drift",
                         .models = kAll,
                         .parameters = {{"drift_ppm", "> 0: samples come late", 50, -1e4, 1e4}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ClockDrift>(s); }};
+                        .make = make};
 
 }  // namespace
 }  // namespace tactiled::sim

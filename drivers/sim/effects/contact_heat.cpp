@@ -8,35 +8,23 @@ namespace tactiled::sim {
 namespace {
 
 // The slowest mode of diffusion to the depth of the gauges: T' = (share * touch * (body - ambient) - T) / tau.
-class ContactHeat final : public Effect {
-public:
-    explicit ContactHeat(const Setting& s)
-        : channels_(s.sensor.n()),
-          share_(s.p[0]),
-          approach_(-std::expm1(-1 / (s.rate_Hz * diffusion_s(s.sensor)))),
-          scale_N_(touch_scale_N(s.sensor)) {
-        for (std::size_t k = 0; k < channels_; ++k) per_K_[k] = drift_per_K(s, s.p[1], s.p[2], k);
-    }
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const double surface_K = share_ * touch(-block.load[kFz][n], scale_N_) * (block.body_K[n] - block.ambient_K[n]);
-            warmer_K_ += approach_ * (surface_K - warmer_K_);
-            for (std::size_t k = 0; k < channels_; ++k) block.channel[k][n] += per_K_[k] * warmer_K_;
-        }
-    }
-
-private:
-    std::size_t channels_;
-    double share_, approach_, scale_N_, warmer_K_ = 0;
-    std::array<double, kMaxSensorChannels> per_K_{};
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    const Channels per_K = per_channel(s, [&](std::size_t k) { return drift_per_K(s, s.p[1], s.p[2], k); });
+    return each_sample([channels = s.sensor.n(), share = s.p[0],
+                        approach = -std::expm1(-1 / (s.rate_Hz * diffusion_s(s.sensor))), scale_N = touch_scale_N(s.sensor),
+                        per_K, warmer_K = 0.0](Block& block, std::size_t n) mutable {
+        const double surface_K = share * touch(-block.load[kFz][n], scale_N) * (block.body_K[n] - block.ambient_K[n]);
+        warmer_K += approach * (surface_K - warmer_K);
+        for (std::size_t k = 0; k < channels; ++k) block.channel[k][n] += per_K[k] * warmer_K;
+    });
+}
 
 // T is at most the largest temperature of the surface times 1 - exp(-length / tau). The load changes it through
 // touch, whose slope is at most 1 / scale.
 Bound bound(const Setting& s) {
     const double reached = -std::expm1(-(double(s.samples) + 1) / (s.rate_Hz * diffusion_s(s.sensor)));
     const double body_K = s.p[0] * s.extent.body_K * reached, scale_N = touch_scale_N(s.sensor);
-    std::array<double, kMaxSensorChannels> per_touch{};
+    Channels per_touch{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) per_touch[k] = drift_per_K(s, s.p[1], s.p[2], k) * body_K;
     const double whole = s.sensor.largest_N(per_touch);
     const double change_N = whole * touch(max(s, kFz), scale_N);
@@ -57,7 +45,7 @@ const EffectEntry entry{
                     0.1},
                    {"mismatch", "standard deviation between channels, relative", 0.01, 0, 1}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ContactHeat>(s); }};
+    .make = make};
 
 }  // namespace
 }  // namespace tactiled::sim

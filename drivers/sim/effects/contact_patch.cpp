@@ -45,7 +45,7 @@ private:
 Bound bound(const Setting& s) {
     if (!concerns(s)) return {};
     auto more = InfluenceMap(s.sensor.table).largest_excess(s.extent.x_m, s.extent.y_m, s.body.radius_m);
-    std::array<double, kMaxSensorChannels> change{}, of_error{};
+    Channels change{}, of_error{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) {
         more[k][kFz] += std::abs(s.sensor.gain[k][kMx]) * s.extent.y_m + std::abs(s.sensor.gain[k][kMy]) * s.extent.x_m;
         for (const Axis axis : {kFx, kFy, kFz}) {

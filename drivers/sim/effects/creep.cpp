@@ -8,50 +8,37 @@
 namespace tactiled::sim {
 namespace {
 
+constexpr std::size_t kTimes = 2;
+
 // A Kelvin chain on each axis: y = u + sum of g_i x_i, x_i' = (u - x_i) / tau_i, exact for a load that is straight between
 // samples.
-class Creep final : public Effect {
-public:
-    explicit Creep(const Setting& s, const Axes& axes = {}) : axes_(axes), amount_{s.p[0] / 2, s.p[0] / 2} {
-        const std::array<double, kTimes> tau{s.p[1], 10 * s.p[1]};
+std::unique_ptr<Effect> on_axes(const Setting& s, const Axes& axes) {
+    const std::array<double, kTimes> tau{s.p[1], 10 * s.p[1]};
+    std::array<double, kTimes> keep{}, now{}, before{};
+    for (std::size_t i = 0; i < kTimes; ++i) {
+        const double h = 1 / s.rate_Hz / tau[i];
+        keep[i] = std::exp(-h);
+        now[i] = 1 + std::expm1(-h) / h;  // weight of the newest load
+        before[i] = -std::expm1(-h) - now[i];
+    }
+    return each_drive(axes, [amount = s.p[0] / 2, keep, now, before, last = Load{}, x = std::array<Load, kTimes>{}](
+                                double u, std::size_t axis) mutable {
+        double y = u;
         for (std::size_t i = 0; i < kTimes; ++i) {
-            const double h = 1 / s.rate_Hz / tau[i];
-            keep_[i] = std::exp(-h);
-            now_[i] = 1 + std::expm1(-h) / h;  // weight of the newest load
-            before_[i] = -std::expm1(-h) - now_[i];
+            x[i][axis] = keep[i] * x[i][axis] + before[i] * last[axis] + now[i] * u;
+            y += amount * x[i][axis];
         }
-    }
-
-    void apply(Block& block) noexcept override {
-        for (std::size_t k = 0; k < axes_.n; ++k) {
-            const std::size_t axis = axes_.at[k];
-            for (std::size_t n = 0; n < block.n; ++n) {
-                const double u = block.drive[axis][n];
-                double y = u;
-                for (std::size_t i = 0; i < kTimes; ++i) {
-                    x_[i][axis] = keep_[i] * x_[i][axis] + before_[i] * last_[axis] + now_[i] * u;
-                    y += amount_[i] * x_[i][axis];
-                }
-                last_[axis] = u;
-                block.drive[axis][n] = y;
-            }
-        }
-    }
-
-private:
-    static constexpr std::size_t kTimes = 2;
-    Axes axes_;
-    std::array<double, kTimes> amount_, keep_{}, now_{}, before_{};
-    std::array<std::array<double, kAxes>, kTimes> x_{};
-    std::array<double, kAxes> last_{};
-};
+        last[axis] = u;
+        return y;
+    });
+}
 
 // |x_i| after T is at most the largest load times 1 - exp(-T / tau_i). T is the length of the scene, which may
 // continue after its motions.
-std::array<double, kAxes> largest_change(const Setting& s) {
+Load largest_change(const Setting& s) {
     const double amount = s.p[0] / 2, T = double(s.samples) / s.rate_Hz;
     const double part = amount * (-std::expm1(-T / s.p[1]) - std::expm1(-T / (10 * s.p[1])));
-    std::array<double, kAxes> change{};
+    Load change{};
     for (std::size_t axis = 0; axis < kAxes; ++axis) change[axis] = part * max(s, Axis(axis));
     return change;
 }
@@ -72,8 +59,8 @@ const EffectEntry entry{.name = "creep",
                         .parameters = {{"amount", "of the load, after a long time", 0.02, 0, 1},
                                        {"time_s", "of the faster half; the slower takes ten times as long", 5, 1e-3, 1e6}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Creep>(s); },
-                        .levels = [](const Setting& s) { return fewer_axes<Creep>(s, largest_change(s)); }};
+                        .make = [](const Setting& s) { return on_axes(s, {}); },
+                        .levels = [](const Setting& s) { return fewer_axes(s, largest_change(s), on_axes); }};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -13,33 +13,24 @@ double share(const Setting& s, std::size_t to, std::size_t from) {
     return s.p[0] * s.sample.noise(0, to * kMaxSensorChannels + from) * s.sensor.per_N[to] / s.sensor.per_N[from];
 }
 
-class Crosstalk final : public Effect {
-public:
-    explicit Crosstalk(const Setting& s) : channels_(s.sensor.n()), zero_(s.sensor.zero) {
-        for (std::size_t to = 0; to < channels_; ++to)
-            for (std::size_t from = 0; from < channels_; ++from) share_[to][from] = share(s, to, from);
-    }
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            std::array<double, kMaxSensorChannels> signal;
-            for (std::size_t k = 0; k < channels_; ++k) signal[k] = block.channel[k][n] - zero_[k];
-            for (std::size_t to = 0; to < channels_; ++to) {
-                double sum = 0;
-                for (std::size_t from = 0; from < channels_; ++from) sum += share_[to][from] * signal[from];
-                block.channel[to][n] += sum;
-            }
+std::unique_ptr<Effect> make(const Setting& s) {
+    std::array<Channels, kMaxSensorChannels> shares{};
+    for (std::size_t to = 0; to < s.sensor.n(); ++to)
+        shares[to] = per_channel(s, [&](std::size_t from) { return share(s, to, from); });
+    return each_sample([channels = s.sensor.n(), zero = s.sensor.zero, shares](Block& block, std::size_t n) {
+        Channels signal;
+        for (std::size_t k = 0; k < channels; ++k) signal[k] = block.channel[k][n] - zero[k];
+        for (std::size_t to = 0; to < channels; ++to) {
+            double sum = 0;
+            for (std::size_t from = 0; from < channels; ++from) sum += shares[to][from] * signal[from];
+            block.channel[to][n] += sum;
         }
-    }
-
-private:
-    std::size_t channels_;
-    std::array<double, kMaxSensorChannels> zero_;
-    std::array<std::array<double, kMaxSensorChannels>, kMaxSensorChannels> share_{};
-};
+    });
+}
 
 Bound bound(const Setting& s) {
     const auto swing = largest_swing(s);
-    std::array<double, kMaxSensorChannels> change{}, of_error{};
+    Channels change{}, of_error{};
     for (std::size_t to = 0; to < s.sensor.n(); ++to)
         for (std::size_t from = 0; from < s.sensor.n(); ++from) {
             change[to] += std::abs(share(s, to, from)) * swing[from];
@@ -58,7 +49,7 @@ const EffectEntry entry{.name = "crosstalk",
                         .models = kAll,
                         .parameters = {{"deviation", "of the share of one channel in another, in N", 0.01, 0, 0.2}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Crosstalk>(s); },
+                        .make = make,
                         .instant = true};
 
 }  // namespace

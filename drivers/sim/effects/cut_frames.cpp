@@ -4,24 +4,14 @@
 namespace tactiled::sim {
 namespace {
 
-class CutFrames final : public Effect {
-public:
-    explicit CutFrames(const Setting& s)
-        : random_(s.random), channels_(s.sensor.n()), every_(s.sensor.every), share_(s.p[0]) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const std::uint64_t sample = block.first + n;
-            if (sample % every_ != 0 || !(random_.uniform(sample / every_) < share_)) continue;
-            const auto kept = std::size_t(random_.uniform(sample / every_, 1) * double(channels_));
-            block.missing[n] |= (1u << channels_) - (1u << kept);
-        }
-    }
-
-private:
-    Stream random_;
-    std::size_t channels_, every_;
-    double share_;
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_frame(
+        s, [random = s.random, channels = s.sensor.n(), share = s.p[0]](Block& block, std::size_t n, std::uint64_t frame) {
+            if (!(random.uniform(frame) < share)) return;
+            const auto kept = std::size_t(random.uniform(frame, 1) * double(channels));
+            block.missing[n] |= (1u << channels) - (1u << kept);
+        });
+}
 
 // The value of the previous frame stays; the number of consecutive cut frames has no limit.
 Bound bound(const Setting& s) {
@@ -39,7 +29,7 @@ const EffectEntry entry{.name = "cut_frames",
                         .models = kAll,
                         .parameters = {{"share", "of the frames that are cut", 0, 0, 1}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<CutFrames>(s); }};
+                        .make = make};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -27,7 +27,7 @@ double delay_s(const Setting& s) {
 // x'' = w^2 (u(t - delay) - x) - 2 z w x', exact for a load that is straight between samples.
 class DomeResonance final : public Effect {
 public:
-    explicit DomeResonance(const Setting& s, const Axes& axes = {}) : axes_(axes), step_s_(1 / s.rate_Hz) {
+    DomeResonance(const Setting& s, const Axes& axes) : axes_(axes), step_s_(1 / s.rate_Hz) {
         const double w = 2 * std::numbers::pi * resonance_Hz(s), z = s.p[1], wd = w * std::sqrt((1 - z) * (1 + z));
         const double decay = std::exp(-z * w * step_s_), c = decay * std::cos(wd * step_s_),
                      d = decay * std::sin(wd * step_s_) / wd;
@@ -65,12 +65,14 @@ private:
     std::size_t whole_{};
     std::array<double, 4> step_{};
     std::array<std::vector<double>, kAxes> past_;
-    std::array<double, kAxes> u_{}, x_{}, v_{};
+    Load u_{}, x_{}, v_{};
 };
+
+std::unique_ptr<Effect> on_axes(const Setting& s, const Axes& axes) { return std::make_unique<DomeResonance>(s, axes); }
 
 // |y - u| <= integral of |h(t)| change(t + delay) dt. The impulse response h has one sign for half a period; its
 // integral over half period i is (1 + q)(-q)^i, and within a half period the running integral is the step response.
-std::array<double, kAxes> largest_change(const Setting& s) {
+Load largest_change(const Setting& s) {
     const double w = 2 * std::numbers::pi * resonance_Hz(s), z = s.p[1], root = std::sqrt((1 - z) * (1 + z));
     const double half_s = std::numbers::pi / (w * root), q = std::exp(-std::numbers::pi * z / root);
     const auto step = [&](double phase) {  // within the first half period, phase = 0 .. 1
@@ -78,7 +80,7 @@ std::array<double, kAxes> largest_change(const Setting& s) {
         return 1 - std::exp(-z / root * a) * (std::cos(a) + z / root * std::sin(a));
     };
     constexpr int kParts = 8;
-    std::array<double, kAxes> moved{};
+    Load moved{};
     double scale = 1;
     for (int i = 0; scale > 1e-9 && i < 2000; ++i, scale *= q)
         for (int part = 1; part <= kParts; ++part) {
@@ -110,8 +112,8 @@ const EffectEntry entry{
                    {"damping", "z, of the critical one", 0.25, 0.02, 0.98},
                    {"delay_s", "by default height over shear wave speed", std::numeric_limits<double>::quiet_NaN(), 0, 0.1}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<DomeResonance>(s); },
-    .levels = [](const Setting& s) { return fewer_axes<DomeResonance>(s, largest_change(s)); },
+    .make = [](const Setting& s) { return on_axes(s, {}); },
+    .levels = [](const Setting& s) { return fewer_axes(s, largest_change(s), on_axes); },
     .delay_s = [](const Setting& s,
                   std::size_t) { return delay_s(s) + 2 * s.p[1] / (2 * std::numbers::pi * resonance_Hz(s)); }};
 

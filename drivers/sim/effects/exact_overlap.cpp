@@ -15,19 +15,13 @@ double more_pF(const Sensor& sensor, const Pad& pad, std::size_t i, double fx, d
            (gain[kFx] * fx + gain[kFy] * fy);
 }
 
-class ExactOverlap final : public Effect {
-public:
-    explicit ExactOverlap(const Setting& s) : sensor_(s.sensor), pad_(s.sensor) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t i = 0; i < pad_.n; ++i)
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_block([&sensor = s.sensor, pad = Pad(s.sensor)](Block& block) {
+        for (std::size_t i = 0; i < pad.n; ++i)
             for (std::size_t n = 0; n < block.n; ++n)
-                block.channel[pad_.channel[i]][n] += more_pF(sensor_, pad_, i, block.drive[kFx][n], block.drive[kFy][n]);
-    }
-
-private:
-    const Sensor& sensor_;
-    Pad pad_;
-};
+                block.channel[pad.channel[i]][n] += more_pF(sensor, pad, i, block.drive[kFx][n], block.drive[kFy][n]);
+    });
+}
 
 // The largest value over a grid of shears that includes the corners of the extent, and the steepest slope on it, plus
 // a tenth for values in between: the function is nearly quadratic.
@@ -36,7 +30,7 @@ Bound bound(const Setting& s) {
     const double X = max(s, kFx), Y = max(s, kFy);
     if (X + Y == 0) return {};
     constexpr int kSteps = 12;
-    std::array<double, kMaxSensorChannels> change{}, of_error{};
+    Channels change{}, of_error{};
     for (std::size_t i = 0; i < pad.n; ++i) {
         double steepest_x = 0, steepest_y = 0;
         for (int a = -kSteps; a <= kSteps; ++a) {
@@ -58,33 +52,26 @@ Bound bound(const Setting& s) {
 }
 
 // The same change as a cubic polynomial of the shear, one per electrode.
-class CubicOverlap final : public Effect {
-public:
-    CubicOverlap(const Setting& s, const std::array<Cubic, Pad::kMax>& more_pF) : pad_(s.sensor), more_pF_(more_pF) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t i = 0; i < pad_.n; ++i) {
-            const Cubic more_pF = more_pF_[i];
-            Block::Row& channel = block.channel[pad_.channel[i]];
+std::unique_ptr<Effect> make_cubic(const Setting& s, const std::array<Cubic, Pad::kMax>& cubic) {
+    return each_block([pad = Pad(s.sensor), cubic](Block& block) {
+        for (std::size_t i = 0; i < pad.n; ++i) {
+            const Cubic more_pF = cubic[i];
+            Block::Row& channel = block.channel[pad.channel[i]];
             for (std::size_t n = 0; n < block.n; ++n) channel[n] += more_pF(block.drive[kFx][n], block.drive[kFy][n]);
         }
-    }
-
-private:
-    Pad pad_;
-    std::array<Cubic, Pad::kMax> more_pF_;
-};
+    });
+}
 
 std::vector<Level> levels(const Setting& s) {
     const Pad pad(s.sensor);
     std::array<Cubic, Pad::kMax> cubic;
-    std::array<double, kMaxSensorChannels> error{};
+    Channels error{};
     for (std::size_t i = 0; i < pad.n; ++i) {
         cubic[i] = Cubic([&](double fx, double fy) { return more_pF(s.sensor, pad, i, fx, fy); }, kBeyond * max(s, kFx),
                          kBeyond * max(s, kFy));
         error[pad.channel[i]] = cubic[i].error();
     }
-    return {{"cubic", s.sensor.largest_N(error),
-             [cubic](const Setting& in) { return std::make_unique<CubicOverlap>(in, cubic); }}};
+    return {{"cubic", s.sensor.largest_N(error), [cubic](const Setting& in) { return make_cubic(in, cubic); }}};
 }
 
 const EffectEntry entry{
@@ -98,7 +85,7 @@ const EffectEntry entry{
     .models = kCapacitive,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ExactOverlap>(s); },
+    .make = make,
     .levels = levels,
     .instant = true};
 

@@ -6,22 +6,14 @@
 namespace tactiled::sim {
 namespace {
 
-class ExcitationDrift final : public Effect {
-public:
-    explicit ExcitationDrift(const Setting& s)
-        : channels_(s.sensor.n()), amount_(s.p[0]), per_sample_(1 / (s.p[1] * s.rate_Hz)), ppm_K_(s.p[2]) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const double warm = -std::expm1(-per_sample_ * double(block.first + n));
-            const double gain = 1 + amount_ * warm + ppm_K_ * 1e-6 * block.ambient_K[n];
-            for (std::size_t k = 0; k < channels_; ++k) block.channel[k][n] *= gain;
-        }
-    }
-
-private:
-    std::size_t channels_;
-    double amount_, per_sample_, ppm_K_;
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_sample([channels = s.sensor.n(), amount = s.p[0], per_sample = 1 / (s.p[1] * s.rate_Hz), ppm_K = s.p[2]](
+                           Block& block, std::size_t n) {
+        const double warm = -std::expm1(-per_sample * double(block.first + n));
+        const double gain = 1 + amount * warm + ppm_K * 1e-6 * block.ambient_K[n];
+        for (std::size_t k = 0; k < channels; ++k) block.channel[k][n] *= gain;
+    });
+}
 
 Bound bound(const Setting& s) {
     const double length_s = double(s.samples) / s.rate_Hz;
@@ -37,21 +29,20 @@ Bound bound(const Setting& s) {
             .own_rate_N_s = drift > 0 ? change_N / drift * relative_1_s : 0};
 }
 
-const EffectEntry entry{
-    .name = "excitation_drift",
-    .title = "drift of the excitation",
-    .equation = "r = r (1 + d (1 - exp(-t / tau)) + c dT)",
-    .source = "derived; references drift by 10 to 50 ppm a K",
-    .stage = Stage::converter,
-    .cost_class = "c1",
-    .instructions = 140,
-    .models = kTable | kHair,
-    .parameters = {{"amount", "once it is warm", 3e-4, -0.5, 0.5},
-                   {"time_s", "of warming up", 300, 1e-3, 1e6},
-                   {"ppm_K", "with the surroundings", 25, -1e4, 1e4}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ExcitationDrift>(s); },
-    .instant = true};
+const EffectEntry entry{.name = "excitation_drift",
+                        .title = "drift of the excitation",
+                        .equation = "r = r (1 + d (1 - exp(-t / tau)) + c dT)",
+                        .source = "derived; references drift by 10 to 50 ppm a K",
+                        .stage = Stage::converter,
+                        .cost_class = "c1",
+                        .instructions = 140,
+                        .models = kTable | kHair,
+                        .parameters = {{"amount", "once it is warm", 3e-4, -0.5, 0.5},
+                                       {"time_s", "of warming up", 300, 1e-3, 1e6},
+                                       {"ppm_K", "with the surroundings", 25, -1e4, 1e4}},
+                        .bound = bound,
+                        .make = make,
+                        .instant = true};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -30,33 +30,23 @@ std::array<double, kDecades> keeps() {
 
 // x = a x + (1 - a^2)^(1/2) u in each decade, limited to four standard deviations. 0 at the start, when the zero was
 // taken.
-class FlickerNoise final : public Effect {
-public:
-    explicit FlickerNoise(const Setting& s) : random_(s.random), channels_(s.sensor.n()), keep_(keeps()) {
-        for (std::size_t k = 0; k < channels_; ++k) sd_[k] = sd(s, k);
-        for (std::size_t i = 0; i < kDecades; ++i) step_[i] = std::sqrt(1 - keep_[i] * keep_[i]) * kMaxStep / 2048;
-    }
-    void apply(Block& block) noexcept override {
-        for (std::size_t k = 0; k < channels_; ++k)
-            for (std::size_t n = 0; n < block.n; ++n) {
-                const std::uint64_t bits = random_.bits(block.first + n, k);
-                double sum = 0;
-                for (std::size_t i = 0; i < kDecades; ++i) {
-                    const double u = double(std::int64_t(bits >> (12 * i) & 0xfff)) - 2047.5;
-                    x_[k][i] = std::clamp(keep_[i] * x_[k][i] + step_[i] * u, -kMaxSds, kMaxSds);
-                    sum += x_[k][i];
-                }
-                block.channel[k][n] += sd_[k] * sum;
-            }
-    }
-
-private:
-    Stream random_;
-    std::size_t channels_;
-    std::array<double, kDecades> keep_, step_{};
-    Channels sd_{};
-    std::array<std::array<double, kDecades>, kMaxSensorChannels> x_{};
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    const std::array<double, kDecades> keep = keeps();
+    std::array<double, kDecades> step{};
+    for (std::size_t i = 0; i < kDecades; ++i) step[i] = std::sqrt(1 - keep[i] * keep[i]) * kMaxStep / 2048;
+    return each_reading(s, [random = s.random, keep, step, sd = per_channel(s, [&](std::size_t k) { return sd(s, k); }),
+                            x = std::array<std::array<double, kDecades>, kMaxSensorChannels>{}](
+                               double r, std::size_t k, const Block& block, std::size_t n) mutable {
+        const std::uint64_t bits = random.bits(block.first + n, k);
+        double sum = 0;
+        for (std::size_t i = 0; i < kDecades; ++i) {
+            const double u = double(std::int64_t(bits >> (12 * i) & 0xfff)) - 2047.5;
+            x[k][i] = std::clamp(keep[i] * x[k][i] + step[i] * u, -kMaxSds, kMaxSds);
+            sum += x[k][i];
+        }
+        return r + sd[k] * sum;
+    });
+}
 
 // Each decade is limited; decades that are slow against the scene have not reached their limit.
 Bound bound(const Setting& s) {
@@ -81,7 +71,7 @@ const EffectEntry entry{
     .parameters = {{"deviation_N", "one standard deviation of each decade; by default by the sensor's model", kByModel, 0,
                     100}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FlickerNoise>(s); }};
+    .make = make};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -9,23 +9,16 @@ namespace {
 
 // The shear is reduced to mu * press, with the kinetic mu while the body slides; its direction is kept. Without a
 // press there is no shear.
-class FrictionLimit final : public Effect {
-public:
-    explicit FrictionLimit(const Setting& s) : friction_(s.body.friction), kinetic_(s.body.kinetic_friction) {}
-    void apply(Block& block) noexcept override {
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_sample([friction = s.body.friction, kinetic = s.body.kinetic_friction](Block& block, std::size_t n) {
         auto& [fx, fy, fz, mx, my] = block.load;
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const double limit = (block.speed_m_s[n] > 0 ? kinetic_ : friction_) * std::max(-fz[n], 0.0);
-            const double shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]);
-            if (shear <= limit * (1 + 1e-12)) continue;  // a scene may request exactly the limit
-            fx[n] *= limit / shear;
-            fy[n] *= limit / shear;
-        }
-    }
-
-private:
-    double friction_, kinetic_;
-};
+        const double limit = (block.speed_m_s[n] > 0 ? kinetic : friction) * std::max(-fz[n], 0.0);
+        const double shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]);
+        if (shear <= limit * (1 + 1e-12)) return;  // a scene may request exactly the limit
+        fx[n] *= limit / shear;
+        fy[n] *= limit / shear;
+    });
+}
 
 // Exact: the removed part is the excess of the scene's shear over friction. With an error before it: a projection on
 // a disc whose radius is proportional to the press, so |change of the shear| <= |change of the shear before| + mu
@@ -34,8 +27,8 @@ Bound bound(const Setting& s) {
     double excess = s.extent.shear_excess_N;
     if (s.extent.speed_m_s > 0) excess = std::max(excess, s.extent.kinetic_excess_N);
     if (excess <= 0) return {};
-    std::array<double, kAxes> change{}, more{};
-    const std::array<double, kAxes> error = observed(s.sensor);
+    Load change{}, more{};
+    const Load error = observed(s.sensor);
     for (const Axis axis : {kFx, kFy}) {
         change[axis] = std::min(excess, s.extent.max[axis]);
         more[axis] = std::hypot(error[kFx], error[kFy]) + std::max(s.body.friction, s.body.kinetic_friction) * error[kFz];
@@ -46,19 +39,18 @@ Bound bound(const Setting& s) {
             .coupling = std::max({s.body.friction, s.body.kinetic_friction, 1.0})};
 }
 
-const EffectEntry entry{
-    .name = "friction_limit",
-    .title = "friction limit",
-    .equation = "|T| <= mu N",
-    .source = "Coulomb",
-    .stage = Stage::contact,
-    .cost_class = "c0",
-    .instructions = 30,
-    .models = kAll,
-    .parameters = {},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FrictionLimit>(s); },
-    .instant = true};
+const EffectEntry entry{.name = "friction_limit",
+                        .title = "friction limit",
+                        .equation = "|T| <= mu N",
+                        .source = "Coulomb",
+                        .stage = Stage::contact,
+                        .cost_class = "c0",
+                        .instructions = 30,
+                        .models = kAll,
+                        .parameters = {},
+                        .bound = bound,
+                        .make = make,
+                        .instant = true};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -16,35 +16,27 @@ double fringe(double v) {
 }
 double slope(double v) { return (std::log(16 * std::numbers::pi / std::min(v, kWidest)) - 2) / std::numbers::pi; }
 
-class FringeField final : public Effect {
-public:
-    explicit FringeField(const Setting& s) : pad_(s.sensor) {
-        for (std::size_t i = 0; i < pad_.n; ++i) at_rest_[i] = fringe(pad_.gap_m / pad_.radius_m[i]);
-    }
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const double gap_m = pad_.gap_m / Pad::closeness(pad_.strain(block.drive[kFz][n]));
-            double factor = 1;
-            for (std::size_t i = 0; i < pad_.n; ++i) {
-                if (i == 0 || pad_.radius_m[i] != pad_.radius_m[i - 1])
-                    factor = fringe(gap_m / pad_.radius_m[i]) / at_rest_[i];
-                double& value = block.channel[pad_.channel[i]][n];
-                value = pad_.rest_pF[i] + (value - pad_.rest_pF[i]) * factor;
-            }
+std::unique_ptr<Effect> make(const Setting& s) {
+    const Pad pad(s.sensor);
+    std::array<double, Pad::kMax> at_rest{};
+    for (std::size_t i = 0; i < pad.n; ++i) at_rest[i] = fringe(pad.gap_m / pad.radius_m[i]);
+    return each_sample([pad, at_rest](Block& block, std::size_t n) {
+        const double gap_m = pad.gap_m / Pad::closeness(pad.strain(block.drive[kFz][n]));
+        double factor = 1;
+        for (std::size_t i = 0; i < pad.n; ++i) {
+            if (i == 0 || pad.radius_m[i] != pad.radius_m[i - 1]) factor = fringe(gap_m / pad.radius_m[i]) / at_rest[i];
+            double& value = block.channel[pad.channel[i]][n];
+            value = pad.rest_pF[i] + (value - pad.rest_pF[i]) * factor;
         }
-    }
-
-private:
-    Pad pad_;
-    std::array<double, Pad::kMax> at_rest_{};
-};
+    });
+}
 
 // The factor rises with the gap, with the steepest slope at the minimum gap.
 Bound bound(const Setting& s) {
     const Pad pad(s.sensor);
     const double strain = pad.strain_per_N * max(s, kFz), narrow = 1 / Pad::closeness(strain), wide = 1 + strain;
     const auto swing = largest_swing(s);
-    std::array<double, kMaxSensorChannels> change{};
+    Channels change{};
     double gain = 1;
     for (std::size_t i = 0; i < pad.n; ++i) {
         const std::size_t k = pad.channel[i];
@@ -67,7 +59,7 @@ const EffectEntry entry{.name = "fringe_field",
                         .models = kCapacitive,
                         .parameters = {},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<FringeField>(s); },
+                        .make = make,
                         .instant = true};
 
 }  // namespace

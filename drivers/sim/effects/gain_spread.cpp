@@ -18,27 +18,15 @@ double offset(const Setting& s, std::size_t channel) {
     return s.p[1] * s.sensor.per_N[channel] * s.sample.noise(1, channel);
 }
 
-class GainSpread final : public Effect {
-public:
-    explicit GainSpread(const Setting& s) : channels_(s.sensor.n()) {
-        for (std::size_t k = 0; k < channels_; ++k) {
-            sd_[k] = sd(s, k);
-            offset_[k] = offset(s, k) - s.sensor.zero[k] * sd_[k];
-        }
-    }
-    void apply(Block& block) noexcept override {
-        for (std::size_t k = 0; k < channels_; ++k)
-            for (std::size_t n = 0; n < block.n; ++n) block.channel[k][n] += sd_[k] * block.channel[k][n] + offset_[k];
-    }
-
-private:
-    std::size_t channels_;
-    std::array<double, kMaxSensorChannels> sd_{}, offset_{};
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    const Channels spread = per_channel(s, [&](std::size_t k) { return sd(s, k); });
+    const Channels offsets = per_channel(s, [&](std::size_t k) { return offset(s, k) - s.sensor.zero[k] * spread[k]; });
+    return each_reading(s, [spread, offsets](double r, std::size_t k) { return r + (spread[k] * r + offsets[k]); });
+}
 
 Bound bound(const Setting& s) {
     const auto swing = largest_swing(s);
-    std::array<double, kMaxSensorChannels> change{};
+    Channels change{};
     double max_sd = 0;
     for (std::size_t k = 0; k < s.sensor.n(); ++k) {
         change[k] = std::abs(sd(s, k)) * swing[k] + std::abs(offset(s, k));
@@ -59,7 +47,7 @@ const EffectEntry entry{.name = "gain_spread",
                                         std::numeric_limits<double>::quiet_NaN(), 0, 0.2},
                                        {"offset_N", "standard deviation of the zeros", 0, 0, 100}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<GainSpread>(s); },
+                        .make = make,
                         .instant = true};
 
 }  // namespace

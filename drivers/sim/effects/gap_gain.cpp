@@ -7,24 +7,16 @@
 namespace tactiled::sim {
 namespace {
 
-class GapGain final : public Effect {
-public:
-    explicit GapGain(const Setting& s) : sensor_(s.sensor), pad_(s.sensor) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const double fz = block.drive[kFz][n], closeness = Pad::closeness(pad_.strain(fz));
-            for (std::size_t i = 0; i < pad_.n; ++i) {
-                const std::size_t k = pad_.channel[i];
-                const double unpressed = block.channel[k][n] - pad_.rest_pF[i] - sensor_.gain[k][kFz] * fz;
-                block.channel[k][n] = pad_.rest_pF[i] + unpressed * closeness;
-            }
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_sample([gain = s.sensor.gain, pad = Pad(s.sensor)](Block& block, std::size_t n) {
+        const double fz = block.drive[kFz][n], closeness = Pad::closeness(pad.strain(fz));
+        for (std::size_t i = 0; i < pad.n; ++i) {
+            double& value = block.channel[pad.channel[i]][n];
+            const double unpressed = value - pad.rest_pF[i] - gain[pad.channel[i]][kFz] * fz;
+            value = pad.rest_pF[i] + unpressed * closeness;
         }
-    }
-
-private:
-    const Sensor& sensor_;
-    Pad pad_;
-};
+    });
+}
 
 // With the strain e, c = 1 / (1 - e) and m the relative change by shift and tilt: (c - 1 - e) + m (c - 1), times the active
 // part. Its slope by e is (1 + m) c^2, by m it is c.
@@ -32,7 +24,7 @@ Bound bound(const Setting& s) {
     const Pad pad(s.sensor);
     const double strain = pad.strain_per_N * max(s, kFz), c = Pad::closeness(strain);
     const double shift = pad.shift_per_N_m * std::hypot(max(s, kFx), max(s, kFy));
-    std::array<double, kMaxSensorChannels> change{};
+    Channels change{};
     double gain = 1;
     for (std::size_t i = 0; i < pad.n; ++i) {
         const auto& per_N = s.sensor.gain[pad.channel[i]];
@@ -56,7 +48,7 @@ const EffectEntry entry{.name = "gap_gain",
                         .models = kCapacitive,
                         .parameters = {},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<GapGain>(s); },
+                        .make = make,
                         .instant = true};
 
 }  // namespace

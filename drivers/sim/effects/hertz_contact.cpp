@@ -8,22 +8,13 @@
 namespace tactiled::sim {
 namespace {
 
-class HertzContact final : public Effect {
-public:
-    explicit HertzContact(const Setting& s)
-        : round_(s.body.shape == Body::Shape::sphere && s.body.radius_m > 0 && s.sensor.half_width_m == 0),
-          radius_m_(s.body.radius_m),
-          modulus_Pa_(contact_modulus_Pa(skin(s.sensor), s.body)) {}
-    void apply(Block& block) noexcept override {
-        if (!round_) return;
-        for (std::size_t n = 0; n < block.n; ++n)
-            block.radius_m[n] = hertz_radius_m(-block.load[kFz][n], radius_m_, modulus_Pa_);
-    }
-
-private:
-    bool round_;
-    double radius_m_, modulus_Pa_;
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    const bool round = s.body.shape == Body::Shape::sphere && s.body.radius_m > 0 && s.sensor.half_width_m == 0;
+    return each_sample([round, radius_m = s.body.radius_m, modulus_Pa = contact_modulus_Pa(skin(s.sensor), s.body)](
+                           Block& block, std::size_t n) {
+        if (round) block.radius_m[n] = hertz_radius_m(-block.load[kFz][n], radius_m, modulus_Pa);
+    });
+}
 
 // Only a table's influence map uses the radius; on an array the motion has it already (motion.hpp, footprint_m). Two
 // means over parts of the map are between its minimum and its maximum.
@@ -53,19 +44,18 @@ Bound bound(const Setting& s) {
     return {.change_N = change_N, .jump_N = change_N};
 }
 
-const EffectEntry entry{
-    .name = "hertz_contact",
-    .title = "contact of a round body",
-    .equation = "a^3 = 3 F R / (4 E*)",
-    .source = "Hertz 1882",
-    .stage = Stage::contact,
-    .cost_class = "c1",
-    .instructions = 150,
-    .models = kTable,
-    .parameters = {},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<HertzContact>(s); },
-    .instant = true};
+const EffectEntry entry{.name = "hertz_contact",
+                        .title = "contact of a round body",
+                        .equation = "a^3 = 3 F R / (4 E*)",
+                        .source = "Hertz 1882",
+                        .stage = Stage::contact,
+                        .cost_class = "c1",
+                        .instructions = 150,
+                        .models = kTable,
+                        .parameters = {},
+                        .bound = bound,
+                        .make = make,
+                        .instant = true};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -15,10 +15,8 @@ double per_percent(const Setting& s, std::size_t k) {
 }
 
 // The humidity of the air changes at the scene's beginning and the skin follows.
-PerUnit per_percent(const Setting& s) {
-    PerUnit all{};
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) all[k] = per_percent(s, k);
-    return all;
+Channels per_percent(const Setting& s) {
+    return per_channel(s, [&](std::size_t k) { return per_percent(s, k); });
 }
 
 const EffectEntry entry{
@@ -35,7 +33,7 @@ const EffectEntry entry{
                    {"per_percent", "strain, or of C0; by default by the sensor's model",
                     std::numeric_limits<double>::quiet_NaN(), 0, 0.01}},
     .bound = [](const Setting& s) { return approach_bound(s, per_percent(s)); },
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Approach>(s, per_percent(s)); }};
+    .make = [](const Setting& s) { return approach(s, per_percent(s)); }};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -44,38 +44,25 @@ double full_scale(const Sensor& sensor, std::size_t axis) {
 
 // y = u + w sum of (P_i[u] - P_i[u from rest]): 0 as long as the load only rises, as in a calibration by rising
 // loads.
-class Hysteresis final : public Effect {
-public:
-    explicit Hysteresis(const Setting& s, const Axes& axes = {}) : axes_(axes), weight_(width(s) * unit_weight()) {
-        for (std::size_t axis = 0; axis < kAxes; ++axis)
-            for (std::size_t i = 0; i < kPlayOperators; ++i) r_[axis][i] = half_width(i) * full_scale(s.sensor, axis);
-    }
-    void apply(Block& block) noexcept override {
-        for (std::size_t k = 0; k < axes_.n; ++k) {
-            const std::size_t axis = axes_.at[k];
-            for (std::size_t n = 0; n < block.n; ++n) {
-                const double u = block.drive[axis][n];
-                double sum = 0;
-                for (std::size_t i = 0; i < kPlayOperators; ++i) {
-                    p_[axis][i] = play(p_[axis][i], u, r_[axis][i]);
-                    sum += p_[axis][i] - from_rest(u, r_[axis][i]);
-                }
-                block.drive[axis][n] = u + weight_ * sum;
-            }
+std::unique_ptr<Effect> on_axes(const Setting& s, const Axes& axes) {
+    std::array<std::array<double, kPlayOperators>, kAxes> r{};
+    for (std::size_t axis = 0; axis < kAxes; ++axis)
+        for (std::size_t i = 0; i < kPlayOperators; ++i) r[axis][i] = half_width(i) * full_scale(s.sensor, axis);
+    return each_drive(axes, [weight = width(s) * unit_weight(), r, p = decltype(r){}](double u, std::size_t axis) mutable {
+        double sum = 0;
+        for (std::size_t i = 0; i < kPlayOperators; ++i) {
+            p[axis][i] = play(p[axis][i], u, r[axis][i]);
+            sum += p[axis][i] - from_rest(u, r[axis][i]);
         }
-    }
-
-private:
-    Axes axes_;
-    double weight_;
-    std::array<std::array<double, kPlayOperators>, kAxes> r_{}, p_{};
-};
+        return u + weight * sum;
+    });
+}
 
 // Both P are within r of u, and within the range of u less r: they differ by at most min(2 r, span - r), and by no
 // more than the largest decrease of u. Both follow u with a slope of at most 1.
-std::array<double, kAxes> largest_change(const Setting& s) {
+Load largest_change(const Setting& s) {
     const double weight = width(s) * unit_weight();
-    std::array<double, kAxes> change{};
+    Load change{};
     for (std::size_t axis = 0; axis < kAxes; ++axis)
         for (std::size_t i = 0; i < kPlayOperators; ++i) {
             const double r = half_width(i) * full_scale(s.sensor, axis), back = comes_back(s, Axis(axis));
@@ -102,8 +89,8 @@ const EffectEntry entry{
     .parameters = {{"width", "of full scale, the loop from 0 to full scale; by default by the sensor's model",
                     std::numeric_limits<double>::quiet_NaN(), 0, 0.5}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Hysteresis>(s); },
-    .levels = [](const Setting& s) { return fewer_axes<Hysteresis>(s, largest_change(s)); }};
+    .make = [](const Setting& s) { return on_axes(s, {}); },
+    .levels = [](const Setting& s) { return fewer_axes(s, largest_change(s), on_axes); }};
 
 }  // namespace
 }  // namespace tactiled::sim

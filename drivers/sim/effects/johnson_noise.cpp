@@ -12,19 +12,11 @@ double sd(const Setting& s) {
     return std::sqrt(4 * 1.380649e-23 * 298.15 * s.p[0] * band_Hz) / (s.p[1] / 4);
 }
 
-class JohnsonNoise final : public Effect {
-public:
-    explicit JohnsonNoise(const Setting& s) : random_(s.random), channels_(s.sensor.n()), sd_(sd(s)) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t k = 0; k < channels_; ++k)
-            for (std::size_t n = 0; n < block.n; ++n) block.channel[k][n] += sd_ * random_.noise(block.first + n, k);
-    }
-
-private:
-    Stream random_;
-    std::size_t channels_;
-    double sd_;
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_reading(s, [random = s.random, sd = sd(s)](double r, std::size_t k, const Block& block, std::size_t n) {
+        return r + sd * random.noise(block.first + n, k);
+    });
+}
 
 Bound bound(const Setting& s) {
     Channels change{};
@@ -44,7 +36,7 @@ const EffectEntry entry{
     .models = kTable | kHair,
     .parameters = {{"resistance_ohm", "of a gauge", 1000, 0, 1e9}, {"excitation_V", "of the bridge", 3.3, 1e-3, 100}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<JohnsonNoise>(s); },
+    .make = make,
     .instant = true};
 
 }  // namespace

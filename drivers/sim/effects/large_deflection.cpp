@@ -1,6 +1,7 @@
 // Large deflection: a skin becomes stiffer the further it is pressed.
 #include <cmath>
 
+#include "drivers/sim/effects/axes.hpp"
 #include "drivers/sim/effects/reach.hpp"
 #include "drivers/sim/effects/surrogate.hpp"
 
@@ -25,68 +26,49 @@ double strain_per_N(const Sensor& sensor) {
 // The table's plate by finite elements: 4.6 % less at 1 N, 25 % at 5 N, shear unchanged; a power law in between.
 double plate(double u, double half_N) { return u / (1 + std::pow(std::abs(u) / half_N, 1.2)); }
 
-class LargeDeflection final : public Effect {
-public:
-    explicit LargeDeflection(const Setting& s) : half_N_(s.p[0]), strain_per_N_(strain_per_N(s.sensor)) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            double& z = block.drive[kFz][n];
-            z = strain_per_N_ > 0 ? -strain(-strain_per_N_ * z) / strain_per_N_ : plate(z, half_N_);
-        }
-    }
-
-private:
-    double half_N_, strain_per_N_;
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_drive(kPress, [half_N = s.p[0], per_N = strain_per_N(s.sensor)](double z, std::size_t) {
+        return per_N > 0 ? -strain(-per_N * z) / per_N : plate(z, half_N);
+    });
+}
 
 // The difference grows with the load. A pulled pad becomes softer: d strain / dq = 1 / (x (x^2 - q)), at most 3.
 Bound bound(const Setting& s) {
     const double z = max(s, kFz), per_N = strain_per_N(s.sensor);
     if (z == 0) return {};
     if (per_N == 0) {
-        const std::array<double, kAxes> change{0, 0, z - plate(z, s.p[0]), 0, 0};
+        const Load change{0, 0, z - plate(z, s.p[0]), 0, 0};
         return {.change_N = s.sensor.channel_N(change), .load = change};
     }
     const double q = per_N * z, press = q - strain(q), pull = -q - strain(-q), x = 1 / (1 - strain(-q));
-    const std::array<double, kAxes> change{0, 0, std::max(press, pull) / per_N, 0, 0};
+    const Load change{0, 0, std::max(press, pull) / per_N, 0, 0};
     const double gain = 1 / (x * (x * x + q));
     return {.change_N = s.sensor.channel_N(change), .gain = gain, .load = change, .load_gain = gain};
 }
 
 // The law of an elastomer as a polynomial of the force.
-class PolynomialDeflection final : public Effect {
-public:
-    explicit PolynomialDeflection(const Polynomial<7>& yields) : yields_(yields) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) block.drive[kFz][n] = yields_(block.drive[kFz][n]);
-    }
-
-private:
-    Polynomial<7> yields_;
-};
-
 std::vector<Level> levels(const Setting& s) {
     const double per_N = strain_per_N(s.sensor), most_N = kBeyond * max(s, kFz);
     if (per_N == 0) return {};  // the power law of a plate has no polynomial at 0
     const Polynomial<7> yields([&](double z) { return -strain(-per_N * z) / per_N; }, -most_N, most_N);
-    return {{"polynomial", s.sensor.channel_N({0, 0, yields.error(), 0, 0}),
-             [yields](const Setting&) { return std::make_unique<PolynomialDeflection>(yields); }}};
+    return {{"polynomial", s.sensor.channel_N({0, 0, yields.error(), 0, 0}), [yields](const Setting&) {
+                 return each_drive(kPress, [yields](double z, std::size_t) { return yields(z); });
+             }}};
 }
 
-const EffectEntry entry{
-    .name = "large_deflection",
-    .title = "large deflection",
-    .equation = "elastomer: 3 q = 1/l^2 - l, strain = 1 - l; table: u / (1 + (|u| / half)^1.2)",
-    .source = "neo-Hookean law; table: own finite elements, -4.6 % at 1 N, -25 % at 5 N",
-    .stage = Stage::material,
-    .cost_class = "c1",
-    .instructions = 150,
-    .models = kAll,
-    .parameters = {{"half_N", "press at which a table reads half", 12.5, 0.01, 1e6}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LargeDeflection>(s); },
-    .levels = levels,
-    .instant = true};
+const EffectEntry entry{.name = "large_deflection",
+                        .title = "large deflection",
+                        .equation = "elastomer: 3 q = 1/l^2 - l, strain = 1 - l; table: u / (1 + (|u| / half)^1.2)",
+                        .source = "neo-Hookean law; table: own finite elements, -4.6 % at 1 N, -25 % at 5 N",
+                        .stage = Stage::material,
+                        .cost_class = "c1",
+                        .instructions = 150,
+                        .models = kAll,
+                        .parameters = {{"half_N", "press at which a table reads half", 12.5, 0.01, 1e6}},
+                        .bound = bound,
+                        .make = make,
+                        .levels = levels,
+                        .instant = true};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -6,32 +6,20 @@
 namespace tactiled::sim {
 namespace {
 
-class LateFrames final : public Effect {
-public:
-    explicit LateFrames(const Setting& s)
-        : random_(s.random), every_(s.sensor.every), begins_(s.p[0]), stop_(std::uint32_t(s.p[1])) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const std::uint64_t sample = block.first + n;
-            if (sample % every_ != 0) continue;
-            if (waiting_ == 0 && stands_ == 0 && random_.uniform(sample / every_) < begins_) stands_ = stop_;
-            if (stands_ > 0) {
-                --stands_;
-                ++waiting_;
-                block.arrives[n] = {0, 0};
-            } else if (waiting_ > 0) {  // its own frame is the last of the waiting ones
-                block.arrives[n] = {std::uint8_t(waiting_ + 1), std::uint8_t(waiting_)};
-                --waiting_;
-            }
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_frame(s, [random = s.random, begins = s.p[0], stop = std::uint32_t(s.p[1]), stands = std::uint32_t{0},
+                          waiting = std::uint32_t{0}](Block& block, std::size_t n, std::uint64_t frame) mutable {
+        if (waiting == 0 && stands == 0 && random.uniform(frame) < begins) stands = stop;
+        if (stands > 0) {
+            --stands;
+            ++waiting;
+            block.arrives[n] = {0, 0};
+        } else if (waiting > 0) {  // its own frame is the last of the waiting ones
+            block.arrives[n] = {std::uint8_t(waiting + 1), std::uint8_t(waiting)};
+            --waiting;
         }
-    }
-
-private:
-    Stream random_;
-    std::size_t every_;
-    double begins_;
-    std::uint32_t stop_, stands_ = 0, waiting_ = 0;
-};
+    });
+}
 
 // The newest frame that has arrived is at most as old as the stop is long.
 Bound bound(const Setting& s) {
@@ -50,7 +38,7 @@ const EffectEntry entry{.name = "late_frames",
                         .parameters = {{"begins", "probability that the link stops at a frame", 0, 0, 1},
                                        {"frames", "that it stands still", 5, 1, double(kLatestFrame)}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LateFrames>(s); }};
+                        .make = make};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -7,20 +7,12 @@ namespace {
 constexpr double kCopper_1_K = 3.9e-3;  // relative change of resistance per K
 
 // Change of dR/R0. The constant part of the offset is balanced.
-class LeadWires final : public Effect {
-public:
-    explicit LeadWires(const Setting& s)
-        : channels_(s.sensor.n()), gain_(1 / (1 + s.p[0])), offset_1_K_(s.p[0] * kCopper_1_K / (1 + s.p[0])) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t k = 0; k < channels_; ++k)
-            for (std::size_t n = 0; n < block.n; ++n)
-                block.channel[k][n] = gain_ * block.channel[k][n] + offset_1_K_ * block.ambient_K[n];
-    }
-
-private:
-    std::size_t channels_;
-    double gain_, offset_1_K_;
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_reading(s, [gain = 1 / (1 + s.p[0]), offset_1_K = s.p[0] * kCopper_1_K / (1 + s.p[0])](
+                               double r, std::size_t, const Block& block, std::size_t n) {
+        return gain * r + offset_1_K * block.ambient_K[n];
+    });
+}
 
 Bound bound(const Setting& s) {
     Channels change = largest_swing(s);
@@ -41,7 +33,7 @@ const EffectEntry entry{.name = "lead_wires",
                         .models = kTable | kHair,
                         .parameters = {{"share", "of the gauge's resistance", 1e-4, 0, 1}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LeadWires>(s); },
+                        .make = make,
                         .instant = true};
 
 }  // namespace

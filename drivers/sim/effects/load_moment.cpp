@@ -26,28 +26,19 @@ Lever lever(const Sensor& sensor, std::size_t k) {
     return {0, 0};
 }
 
-class LoadMoment final : public Effect {
-public:
-    explicit LoadMoment(const Setting& s) : channels_(s.sensor.n()), size_m_(half_size_m(s.sensor)) {
-        for (std::size_t k = 0; k < channels_; ++k) lever_[k] = lever(s.sensor, k);
-    }
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const double x = std::clamp(block.x_m[n], -size_m_, size_m_), y = std::clamp(block.y_m[n], -size_m_, size_m_);
-            const double fz = block.drive[kFz][n];
-            for (std::size_t k = 0; k < channels_; ++k) block.channel[k][n] += (lever_[k].x * x + lever_[k].y * y) * fz;
-        }
-    }
-
-private:
-    std::size_t channels_;
-    double size_m_;
-    std::array<Lever, kMaxSensorChannels> lever_{};
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    std::array<Lever, kMaxSensorChannels> levers{};
+    for (std::size_t k = 0; k < s.sensor.n(); ++k) levers[k] = lever(s.sensor, k);
+    return each_sample([channels = s.sensor.n(), size_m = half_size_m(s.sensor), levers](Block& block, std::size_t n) {
+        const double x = std::clamp(block.x_m[n], -size_m, size_m), y = std::clamp(block.y_m[n], -size_m, size_m);
+        const double fz = block.drive[kFz][n];
+        for (std::size_t k = 0; k < channels; ++k) block.channel[k][n] += (levers[k].x * x + levers[k].y * y) * fz;
+    });
+}
 
 Bound bound(const Setting& s) {
     const double x = std::min(s.extent.x_m, half_size_m(s.sensor)), y = std::min(s.extent.y_m, half_size_m(s.sensor));
-    std::array<double, kMaxSensorChannels> per_N{};
+    Channels per_N{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k)
         per_N[k] = std::abs(lever(s.sensor, k).x) * x + std::abs(lever(s.sensor, k).y) * y;
     const double max_N = s.sensor.largest_N(per_N);
@@ -68,7 +59,7 @@ const EffectEntry entry{
     .models = kHair | kCapacitive,
     .parameters = {},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LoadMoment>(s); },
+    .make = make,
     .instant = true};
 
 }  // namespace

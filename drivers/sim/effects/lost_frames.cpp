@@ -28,33 +28,23 @@ private:
     std::uint32_t max_, burst_ = 0;
 };
 
-// A sensor that delivers each n-th sample has a frame only at these samples.
-class LostFrames final : public Effect {
-public:
-    explicit LostFrames(const Setting& s) : every_(std::max<std::size_t>(s.sensor.every, 1)), link_(s) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            if ((block.first + n) % every_ != 0) continue;
-            if (link_.arrives((block.first + n) / every_)) {
-                block.lost[n] += lost_;
-                lost_ = 0;
-            } else {
-                block.dropped[n] = true;
-                ++lost_;
-            }
-        }
-    }
-
-private:
-    std::size_t every_;
-    Link link_;
-    std::uint32_t lost_ = 0;
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_frame(s,
+                      [link = Link(s), lost = std::uint32_t{0}](Block& block, std::size_t n, std::uint64_t frame) mutable {
+                          if (link.arrives(frame)) {
+                              block.lost[n] += lost;
+                              lost = 0;
+                          } else {
+                              block.dropped[n] = true;
+                              ++lost;
+                          }
+                      });
+}
 
 // While no frame arrives the last value stays: the bound is the change over the longest gap in the scene, or over the
 // longest possible gap if the scene has too many frames to check.
 Bound bound(const Setting& s) {
-    const std::uint64_t frames = s.samples / std::max<std::size_t>(s.sensor.every, 1) + 1;
+    const std::uint64_t frames = s.samples / s.sensor.every + 1;
     double longest = 0;
     if (s.p[0] <= 0) return {};
     if (frames > 1'000'000) {
@@ -65,7 +55,7 @@ Bound bound(const Setting& s) {
             if (!link.arrives(frame)) longest = std::max(longest, double(link.burst()));
     }
     if (longest <= 0) return {};
-    const double gap_s = longest * double(std::max<std::size_t>(s.sensor.every, 1)) / s.rate_Hz;
+    const double gap_s = longest * double(s.sensor.every) / s.rate_Hz;
     return {.change_N = s.before.change_N(s, gap_s)};
 }
 
@@ -81,7 +71,7 @@ const EffectEntry entry{.name = "lost_frames",
                                        {"ends", "probability that a frame ends it", 0.5, 0, 1},
                                        {"most", "frames of a burst", 20, 1, 10000}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<LostFrames>(s); }};
+                        .make = make};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -11,26 +11,17 @@ constexpr double kThird = 0.3, kFifth = 0.1;
 double amplitude_N(const Setting& s) { return std::isnan(s.p[0]) ? 2e-4 * s.sensor.full_scale_N : s.p[0]; }
 
 // The phase depends on the number of the sample: the converter's clock is exact compared with the drift of the mains.
-class MainsHum final : public Effect {
-public:
-    explicit MainsHum(const Setting& s) : channels_(s.sensor.n()), turns_(s.p[1] / s.rate_Hz), start_(s.random.uniform(0)) {
-        for (std::size_t k = 0; k < channels_; ++k) amplitude_[k] = amplitude_N(s) * s.sensor.per_N[k];
-    }
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const double turns = start_ + turns_ * double(block.first + n);
-            const double one = std::sin(6.283185307179586 * (turns - std::floor(turns))), square = one * one;
-            const double third = one * (3 - 4 * square), fifth = one * (5 - square * (20 - 16 * square));
-            const double wave = one + kThird * third + kFifth * fifth;
-            for (std::size_t k = 0; k < channels_; ++k) block.channel[k][n] += amplitude_[k] * wave;
-        }
-    }
-
-private:
-    std::size_t channels_;
-    double turns_, start_;
-    Channels amplitude_{};
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    const Channels amplitude = per_channel(s, [&](std::size_t k) { return amplitude_N(s) * s.sensor.per_N[k]; });
+    return each_sample([channels = s.sensor.n(), turns_per_sample = s.p[1] / s.rate_Hz, start = s.random.uniform(0),
+                        amplitude](Block& block, std::size_t n) {
+        const double turns = start + turns_per_sample * double(block.first + n);
+        const double one = std::sin(6.283185307179586 * (turns - std::floor(turns))), square = one * one;
+        const double third = one * (3 - 4 * square), fifth = one * (5 - square * (20 - 16 * square));
+        const double wave = one + kThird * third + kFifth * fifth;
+        for (std::size_t k = 0; k < channels; ++k) block.channel[k][n] += amplitude[k] * wave;
+    });
+}
 
 // x + 0.3 (3 x - 4 x^3) + 0.1 (5 x - 20 x^3 + 16 x^5) is largest at x^2 = 0.355: 0.8733.
 Bound bound(const Setting& s) {
@@ -51,7 +42,7 @@ const EffectEntry entry{.name = "mains_hum",
                         .parameters = {{"amplitude_N", "by default 0.02 % of full scale", kByModel, 0, 100},
                                        {"frequency_Hz", "of the mains", 50, 0, 1e4}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<MainsHum>(s); },
+                        .make = make,
                         .instant = true};
 
 }  // namespace

@@ -20,29 +20,22 @@ Rotation rotation(const Setting& s) {
 }
 
 // The moment about z, which no sensor here measures, counts as 0.
-class Misalignment final : public Effect {
-public:
-    explicit Misalignment(const Setting& s) : r_(rotation(s)) {}
-    void apply(Block& block) noexcept override {
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_sample([r = rotation(s)](Block& block, std::size_t n) {
         auto& [fx, fy, fz, mx, my] = block.load;
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const double x = fx[n], y = fy[n], z = fz[n], about_x = mx[n], about_y = my[n];
-            fx[n] = r_[0][0] * x + r_[0][1] * y + r_[0][2] * z;
-            fy[n] = r_[1][0] * x + r_[1][1] * y + r_[1][2] * z;
-            fz[n] = r_[2][0] * x + r_[2][1] * y + r_[2][2] * z;
-            mx[n] = r_[0][0] * about_x + r_[0][1] * about_y;
-            my[n] = r_[1][0] * about_x + r_[1][1] * about_y;
-        }
-    }
-
-private:
-    Rotation r_;
-};
+        const double x = fx[n], y = fy[n], z = fz[n], about_x = mx[n], about_y = my[n];
+        fx[n] = r[0][0] * x + r[0][1] * y + r[0][2] * z;
+        fy[n] = r[1][0] * x + r[1][1] * y + r[1][2] * z;
+        fz[n] = r[2][0] * x + r[2][1] * y + r[2][2] * z;
+        mx[n] = r[0][0] * about_x + r[0][1] * about_y;
+        my[n] = r[1][0] * about_x + r[1][1] * about_y;
+    });
+}
 
 // |R - 1| times the largest of each component.
-std::array<double, kAxes> change(const Setting& s, const std::array<double, kAxes>& max) {
+Load change(const Setting& s, const Load& max) {
     const Rotation r = rotation(s);
-    std::array<double, kAxes> result{};
+    Load result{};
     for (std::size_t row = 0; row < 3; ++row)
         for (std::size_t column = 0; column < 3; ++column) {
             const double part = std::abs(r[row][column] - (row == column ? 1 : 0));
@@ -53,8 +46,8 @@ std::array<double, kAxes> change(const Setting& s, const std::array<double, kAxe
 }
 
 Bound bound(const Setting& s) {
-    const std::array<double, kAxes> error = observed(s.sensor);
-    const std::array<double, kAxes> turned = change(s, s.extent.max);
+    const Load error = observed(s.sensor);
+    const Load turned = change(s, s.extent.max);
     const Rotation r = rotation(s);
     double across = 0;
     for (std::size_t row = 0; row < 3; ++row)
@@ -66,21 +59,20 @@ Bound bound(const Setting& s) {
             .coupling = across};
 }
 
-const EffectEntry entry{
-    .name = "misalignment",
-    .title = "misalignment of the mount",
-    .equation = "F = R^T F, M = R^T M, R = Rz Ry Rx",
-    .source = "derived",
-    .stage = Stage::contact,
-    .cost_class = "c0",
-    .instructions = 40,
-    .models = kAll,
-    .parameters = {{"about_x_deg", "rotation of the sensing element", 0.5, -180, 180},
-                   {"about_y_deg", "rotation of the sensing element", -0.3, -180, 180},
-                   {"about_z_deg", "rotation of the sensing element", 1, -180, 180}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Misalignment>(s); },
-    .instant = true};
+const EffectEntry entry{.name = "misalignment",
+                        .title = "misalignment of the mount",
+                        .equation = "F = R^T F, M = R^T M, R = Rz Ry Rx",
+                        .source = "derived",
+                        .stage = Stage::contact,
+                        .cost_class = "c0",
+                        .instructions = 40,
+                        .models = kAll,
+                        .parameters = {{"about_x_deg", "rotation of the sensing element", 0.5, -180, 180},
+                                       {"about_y_deg", "rotation of the sensing element", -0.3, -180, 180},
+                                       {"about_z_deg", "rotation of the sensing element", 1, -180, 180}},
+                        .bound = bound,
+                        .make = make,
+                        .instant = true};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -14,23 +14,16 @@ double offset(const Setting& s, std::size_t k) {
     return s.p[0] * s.p[1] / 2 * part * part * s.sensor.table.gauge_factor_tangential;
 }
 
-class MountingCurvature final : public Effect {
-public:
-    explicit MountingCurvature(const Setting& s) : channels_(s.sensor.n()) {
-        for (std::size_t k = 0; k < channels_; ++k) offset_[k] = offset(s, k);
-    }
-    void apply(Block& block) noexcept override {
-        for (std::size_t k = 0; k < channels_; ++k)
-            for (std::size_t n = 0; n < block.n; ++n) block.channel[k][n] += offset_[k];
-    }
+Channels offsets(const Setting& s) {
+    return per_channel(s, [&](std::size_t k) { return offset(s, k); });
+}
 
-private:
-    std::size_t channels_;
-    std::array<double, kMaxSensorChannels> offset_{};
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_reading(s, [offsets = offsets(s)](double r, std::size_t k) { return r + offsets[k]; });
+}
 
 Bound bound(const Setting& s) {
-    std::array<double, kMaxSensorChannels> change{};
+    Channels change{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = offset(s, k);
     return {.change_N = s.sensor.largest_N(change)};
 }
@@ -48,7 +41,7 @@ const EffectEntry entry{
                    {"thickness_m", "of the sensor", 250e-6, 1e-6, 0.01},
                    {"direction_deg", "of the bend, from x", 0, -360, 360}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<MountingCurvature>(s); },
+    .make = make,
     .instant = true};
 
 }  // namespace

@@ -15,24 +15,15 @@ double sd(const Setting& s, std::size_t channel) {
     return 3e-4 * s.sensor.full_scale_N * s.sensor.per_N[channel];
 }
 
-class Noise final : public Effect {
-public:
-    explicit Noise(const Setting& s) : random_(s.random), channels_(s.sensor.n()) {
-        for (std::size_t k = 0; k < channels_; ++k) sd_[k] = sd(s, k);
-    }
-    void apply(Block& block) noexcept override {
-        for (std::size_t k = 0; k < channels_; ++k)
-            for (std::size_t n = 0; n < block.n; ++n) block.channel[k][n] += sd_[k] * random_.noise(block.first + n, k);
-    }
-
-private:
-    Stream random_;
-    std::size_t channels_;
-    std::array<double, kMaxSensorChannels> sd_{};
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_reading(s, [random = s.random, sd = per_channel(s, [&](std::size_t k) { return sd(s, k); })](
+                               double r, std::size_t k, const Block& block, std::size_t n) {
+        return r + sd[k] * random.noise(block.first + n, k);
+    });
+}
 
 Bound bound(const Setting& s) {
-    std::array<double, kMaxSensorChannels> change{};
+    Channels change{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = kMaxNoise * sd(s, k);
     const double change_N = s.sensor.largest_N(change);
     return {.change_N = change_N, .own_N = change_N};
@@ -49,7 +40,7 @@ const EffectEntry entry{.name = "noise",
                         .parameters = {{"deviation_N", "one standard deviation; by default by the sensor's model",
                                         std::numeric_limits<double>::quiet_NaN(), 0, 100}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Noise>(s); },
+                        .make = make,
                         .instant = true};
 
 }  // namespace

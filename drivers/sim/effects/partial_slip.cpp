@@ -18,31 +18,20 @@ double compliance(const Setting& s) {
 }
 
 // The press moves with the body, so its moment about the sensor's origin changes by press * displacement.
-class PartialSlip final : public Effect {
-public:
-    explicit PartialSlip(const Setting& s)
-        : friction_(s.body.friction),
-          radius_m_(s.body.shape == Body::Shape::sphere ? s.body.radius_m : 0),
-          modulus_Pa_(contact_modulus_Pa(skin(s.sensor), s.body)),
-          compliance_(compliance(s)) {}
-
-    void apply(Block& block) noexcept override {
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_sample([friction = s.body.friction, radius_m = s.body.shape == Body::Shape::sphere ? s.body.radius_m : 0,
+                        modulus_Pa = contact_modulus_Pa(skin(s.sensor), s.body),
+                        compliance = compliance(s)](Block& block, std::size_t n) {
         auto& [fx, fy, fz, mx, my] = block.load;
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const double press = -fz[n], shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]);
-            const double a = hertz_radius_m(press, radius_m_, modulus_Pa_);
-            if (a <= 0 || shear <= 0) continue;
-            const double stuck =
-                std::cbrt(std::max(1 - shear / (friction_ * press), 0.0));  // radius of the sticking part over a
-            const double moved_m = friction_ * press / a * compliance_ * (1 - stuck * stuck);
-            mx[n] -= press * moved_m * fy[n] / shear;
-            my[n] += press * moved_m * fx[n] / shear;
-        }
-    }
-
-private:
-    double friction_, radius_m_, modulus_Pa_, compliance_;
-};
+        const double press = -fz[n], shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]);
+        const double a = hertz_radius_m(press, radius_m, modulus_Pa);
+        if (a <= 0 || shear <= 0) return;
+        const double stuck = std::cbrt(std::max(1 - shear / (friction * press), 0.0));  // radius of the sticking part over a
+        const double moved_m = friction * press / a * compliance * (1 - stuck * stuck);
+        mx[n] -= press * moved_m * fy[n] / shear;
+        my[n] += press * moved_m * fx[n] / shear;
+    });
+}
 
 // 1 - (1 - t)^(2/3) <= t, so displacement <= compliance * shear / a; multiplied by the press, it grows with both.
 Bound bound(const Setting& s) {
@@ -50,7 +39,7 @@ Bound bound(const Setting& s) {
     const double press = s.extent.max[kFz];
     const double a = hertz_radius_m(press, s.body.radius_m, contact_modulus_Pa(skin(s.sensor), s.body));
     if (a <= 0) return {};
-    std::array<double, kAxes> change{};
+    Load change{};
     const double limit = s.body.friction * press, per_shear = compliance(s) / a * press;
     change[kMx] = per_shear * std::min(s.extent.max[kFy], limit);
     change[kMy] = per_shear * std::min(s.extent.max[kFx], limit);
@@ -68,7 +57,7 @@ const EffectEntry entry{.name = "partial_slip",
                         .models = kAll,
                         .parameters = {},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<PartialSlip>(s); },
+                        .make = make,
                         .instant = true};
 
 }  // namespace

@@ -9,30 +9,16 @@ namespace {
 
 double keep(const Setting& s) { return std::exp(-6.283185307179586 * s.p[0] / s.rate_Hz); }
 
-class PiezoAmplifier final : public Effect {
-public:
-    explicit PiezoAmplifier(const Setting& s)
-        : channel_(s.sensor.find("Vp")),
-          keep_(keep(s)),
-          saturation_V_(s.p[1]),
-          zero_V_(channel_ < s.sensor.n() ? s.sensor.zero[channel_] : 0) {}
-    void apply(Block& block) noexcept override {
-        if (channel_ >= kMaxSensorChannels) return;
-        for (std::size_t n = 0; n < block.n; ++n) {
-            double& v = block.channel[channel_][n];
-            if (!started_) state_V_ = v;
-            started_ = true;
-            state_V_ += (1 - keep_) * (v - state_V_);
-            v = std::clamp(state_V_, zero_V_ - saturation_V_, zero_V_ + saturation_V_);
-        }
-    }
-
-private:
-    std::size_t channel_;
-    double keep_, saturation_V_, zero_V_;
-    double state_V_ = 0;
-    bool started_ = false;
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    const std::size_t film = s.sensor.find("Vp");
+    return each_film_reading(s, [keep = keep(s), saturation_V = s.p[1], zero_V = s.sensor.zero[film], state_V = 0.0,
+                                 started = false](double v, std::size_t) mutable {
+        if (!started) state_V = v;
+        started = true;
+        state_V += (1 - keep) * (v - state_V);
+        return std::clamp(state_V, zero_V - saturation_V, zero_V + saturation_V);
+    });
+}
 
 // A sample that is j samples old has the weight (1 - a) a^j; the part beyond the saturation limit is lost. The leak
 // of the film is far slower.
@@ -59,7 +45,7 @@ const EffectEntry entry{
     .models = kCapacitive,
     .parameters = {{"corner_Hz", "of the low pass", 1000, 1e-3, 1e7}, {"rail_V", "on both sides of the zero", 5, 1e-3, 100}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<PiezoAmplifier>(s); }};
+    .make = make};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -15,36 +15,22 @@ double per_K(const Setting& s) {
 }
 
 // The film's temperature follows room and body through the pad; its charge discharges: v' = per_K T' - v / tau.
-class Pyroelectric final : public Effect {
-public:
-    explicit Pyroelectric(const Setting& s)
-        : film_(s.sensor.find("Vp")),
-          has_film_(film_ < s.sensor.n()),
-          V_per_K_(has_film_ ? per_K(s) * s.sensor.per_N[film_] : 0),
-          share_(s.p[1]),
-          approach_(-std::expm1(-1 / (s.rate_Hz * diffusion_s(s.sensor)))),
-          scale_N_(touch_scale_N(s.sensor)) {
-        const double h = 1 / (s.rate_Hz * s.p[2]);
-        keep_ = std::exp(-h);
-        new_ = -std::expm1(-h) / h;
-    }
-    void apply(Block& block) noexcept override {
-        if (!has_film_) return;
-        for (std::size_t n = 0; n < block.n; ++n) {
+std::unique_ptr<Effect> make(const Setting& s) {
+    const std::size_t film = s.sensor.find("Vp");
+    const double h = 1 / (s.rate_Hz * s.p[2]);
+    return each_film_reading(
+        s, [V_per_K = per_K(s) * s.sensor.per_N[film], share = s.p[1],
+            approach = -std::expm1(-1 / (s.rate_Hz * diffusion_s(s.sensor))), scale_N = touch_scale_N(s.sensor),
+            keep = std::exp(-h), fresh = -std::expm1(-h) / h, film_K = 0.0,
+            value = 0.0](double v, std::size_t, const Block& block, std::size_t n) mutable {
             const double outside_K =
-                block.ambient_K[n] + share_ * touch(-block.load[kFz][n], scale_N_) * (block.body_K[n] - block.ambient_K[n]);
-            const double rise_K = approach_ * (outside_K - film_K_);
-            film_K_ += rise_K;
-            value_ = keep_ * value_ + new_ * V_per_K_ * rise_K;
-            block.channel[film_][n] += value_;
-        }
-    }
-
-private:
-    std::size_t film_;
-    bool has_film_;
-    double V_per_K_, share_, approach_, scale_N_, keep_ = 0, new_ = 0, film_K_ = 0, value_ = 0;
-};
+                block.ambient_K[n] + share * touch(-block.load[kFz][n], scale_N) * (block.body_K[n] - block.ambient_K[n]);
+            const double rise_K = approach * (outside_K - film_K);
+            film_K += rise_K;
+            value = keep * value + fresh * V_per_K * rise_K;
+            return v + value;
+        });
+}
 
 // A voltage whose charge comes at a rate stays at or below rate * tau (1 - exp(-length / tau)). The film warms no
 // faster than the room, and than (outside - film) / diffusion time; contact adds at most +- share * body.
@@ -77,7 +63,7 @@ const EffectEntry entry{
                    {"share", "of the body's temperature that reaches the surface in full contact", 0.5, 0, 1},
                    {"leak_s", "tau of the film", 0.1, 1e-5, 1e6}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Pyroelectric>(s); }};
+    .make = make};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -10,23 +10,11 @@ double step(const Setting& s, std::size_t channel) {
     return std::isnan(s.p[0]) ? converter_step(s.sensor, channel) : s.p[0] * s.sensor.per_N[channel];
 }
 
-class Quantisation final : public Effect {
-public:
-    explicit Quantisation(const Setting& s) : channels_(s.sensor.n()) {
-        for (std::size_t k = 0; k < channels_; ++k) step_[k] = step(s, k);
-    }
-    void apply(Block& block) noexcept override {
-        for (std::size_t k = 0; k < channels_; ++k) {
-            if (step_[k] <= 0) continue;
-            for (std::size_t n = 0; n < block.n; ++n)
-                block.channel[k][n] = std::floor(block.channel[k][n] / step_[k] + 0.5) * step_[k];
-        }
-    }
-
-private:
-    std::size_t channels_;
-    Channels step_{};
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_reading(s, [step = per_channel(s, [&](std::size_t k) { return step(s, k); })](double r, std::size_t k) {
+        return step[k] > 0 ? std::floor(r / step[k] + 0.5) * step[k] : r;
+    });
+}
 
 Bound bound(const Setting& s) {
     Channels change{};
@@ -35,19 +23,18 @@ Bound bound(const Setting& s) {
     return {.change_N = half_N, .jump_N = 2 * half_N, .own_N = half_N};
 }
 
-const EffectEntry entry{
-    .name = "quantisation",
-    .title = "steps of the converter",
-    .equation = "r = step floor(r / step + 1/2)",
-    .source = "12 bit of a table's, 16 of a hair's, AD7746 4 aF, 10 bit of 5 V for the film",
-    .stage = Stage::converter,
-    .cost_class = "c1",
-    .instructions = 210,
-    .models = kAll,
-    .parameters = {{"step_N", "by default by the sensor's model", kByModel, 0, 1e3}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Quantisation>(s); },
-    .instant = true};
+const EffectEntry entry{.name = "quantisation",
+                        .title = "steps of the converter",
+                        .equation = "r = step floor(r / step + 1/2)",
+                        .source = "12 bit of a table's, 16 of a hair's, AD7746 4 aF, 10 bit of 5 V for the film",
+                        .stage = Stage::converter,
+                        .cost_class = "c1",
+                        .instructions = 210,
+                        .models = kAll,
+                        .parameters = {{"step_N", "by default by the sensor's model", kByModel, 0, 1e3}},
+                        .bound = bound,
+                        .make = make,
+                        .instant = true};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -41,8 +41,8 @@ inline double load_of_error(const Sensor& sensor, Axis axis) {
 inline double lever_1_m(const HairSample& hair) { return 4 * hair.root_distance_m * std::numbers::pi / hair.area_m2; }
 
 // Upper limit of |channel - zero|, in the channel's unit.
-inline std::array<double, kMaxSensorChannels> largest_swing(const Setting& s) {
-    std::array<double, kMaxSensorChannels> swing{};
+inline Channels largest_swing(const Setting& s) {
+    Channels swing{};
     for (std::size_t k = 0; k < s.sensor.n(); ++k) {
         for (std::size_t axis = 0; axis < kAxes; ++axis) swing[k] += std::abs(s.sensor.gain[k][axis]) * max(s, Axis(axis));
         swing[k] += s.before.max_N * s.sensor.per_N[k];

@@ -7,25 +7,12 @@
 namespace tactiled::sim {
 namespace {
 
-class Saturation final : public Effect {
-public:
-    explicit Saturation(const Setting& s) : channels_(s.sensor.n()) {
-        for (std::size_t k = 0; k < channels_; ++k) {
-            const double limit = s.p[0] * half_range(s.sensor, k);
-            min_[k] = s.sensor.zero[k] - limit;
-            max_[k] = s.sensor.zero[k] + limit;
-        }
-    }
-    void apply(Block& block) noexcept override {
-        for (std::size_t k = 0; k < channels_; ++k)
-            for (std::size_t n = 0; n < block.n; ++n)
-                block.channel[k][n] = std::clamp(block.channel[k][n], min_[k], max_[k]);
-    }
-
-private:
-    std::size_t channels_;
-    Channels min_{}, max_{};
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    const Channels limit = per_channel(s, [&](std::size_t k) { return s.p[0] * half_range(s.sensor, k); });
+    const Channels min = per_channel(s, [&](std::size_t k) { return s.sensor.zero[k] - limit[k]; });
+    const Channels max = per_channel(s, [&](std::size_t k) { return s.sensor.zero[k] + limit[k]; });
+    return each_reading(s, [min, max](double r, std::size_t k) { return std::clamp(r, min[k], max[k]); });
+}
 
 // The part beyond a limit; 0 where the load cannot reach it.
 Bound bound(const Setting& s) {
@@ -44,7 +31,7 @@ const EffectEntry entry{.name = "saturation",
                         .models = kAll,
                         .parameters = {{"rail", "of the reading with each force at full scale", 1.25, 0.01, 1e3}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Saturation>(s); },
+                        .make = make,
                         .instant = true};
 
 }  // namespace

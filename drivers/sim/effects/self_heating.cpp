@@ -7,10 +7,8 @@
 namespace tactiled::sim {
 namespace {
 
-PerUnit per_K(const Setting& s) {
-    PerUnit all{};
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) all[k] = drift_per_K(s, s.p[2], s.p[3], k);
-    return all;
+Channels per_K(const Setting& s) {
+    return per_channel(s, [&](std::size_t k) { return drift_per_K(s, s.p[2], s.p[3], k); });
 }
 
 const EffectEntry entry{
@@ -27,7 +25,7 @@ const EffectEntry entry{
                    {"per_K", "of R0; by default by the sensor's model", std::numeric_limits<double>::quiet_NaN(), -0.1, 0.1},
                    {"mismatch", "standard deviation between channels, relative", 0.01, 0, 1}},
     .bound = [](const Setting& s) { return approach_bound(s, per_K(s)); },
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Approach>(s, per_K(s)); }};
+    .make = [](const Setting& s) { return approach(s, per_K(s)); }};
 
 }  // namespace
 }  // namespace tactiled::sim

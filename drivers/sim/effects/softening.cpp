@@ -8,29 +8,16 @@
 namespace tactiled::sim {
 namespace {
 
-class Softening final : public Effect {
-public:
-    explicit Softening(const Setting& s, const Axes& axes = {}) : axes_(axes), amount_(s.p[0]) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t k = 0; k < axes_.n; ++k) {
-            const std::size_t axis = axes_.at[k];
-            for (std::size_t n = 0; n < block.n; ++n) {
-                const double u = block.drive[axis][n];
-                largest_[axis] = std::max(largest_[axis], std::abs(u));
-                if (largest_[axis] > 0) block.drive[axis][n] = u * (1 + amount_ * (1 - std::abs(u) / largest_[axis]));
-            }
-        }
-    }
-
-private:
-    Axes axes_;
-    double amount_;
-    std::array<double, kAxes> largest_{};
-};
+std::unique_ptr<Effect> on_axes(const Setting& s, const Axes& axes) {
+    return each_drive(axes, [amount = s.p[0], largest = Load{}](double u, std::size_t axis) mutable {
+        largest[axis] = std::max(largest[axis], std::abs(u));
+        return largest[axis] > 0 ? u * (1 + amount * (1 - std::abs(u) / largest[axis])) : u;
+    });
+}
 
 // |u| (1 - |u| / m) is at most m / 4, and m - |u|. Its slope is at most 1 by u and at most 1 by m.
-std::array<double, kAxes> largest_change(const Setting& s) {
-    std::array<double, kAxes> change{};
+Load largest_change(const Setting& s) {
+    Load change{};
     for (std::size_t axis = 0; axis < kAxes; ++axis)
         change[axis] = s.p[0] * std::min(max(s, Axis(axis)) / 4, comes_back(s, Axis(axis)));
     return change;
@@ -52,8 +39,8 @@ const EffectEntry entry{.name = "softening",
                         .models = kHair | kCapacitive,
                         .parameters = {{"amount", "d, of the load", 0.05, 0, 1}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Softening>(s); },
-                        .levels = [](const Setting& s) { return fewer_axes<Softening>(s, largest_change(s)); }};
+                        .make = [](const Setting& s) { return on_axes(s, {}); },
+                        .levels = [](const Setting& s) { return fewer_axes(s, largest_change(s), on_axes); }};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -42,23 +42,13 @@ private:
     double next_s_ = 0, value_ = 0;
 };
 
-class Spikes final : public Effect {
-public:
-    explicit Spikes(const Setting& s) : channels_(s.sensor.n()), train_(s) {
-        for (std::size_t k = 0; k < channels_; ++k) amplitude_[k] = amplitude_N(s) * s.sensor.per_N[k];
-    }
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const double value = train_.at(block.first + n);
-            for (std::size_t k = 0; k < channels_; ++k) block.channel[k][n] += amplitude_[k] * value;
-        }
-    }
-
-private:
-    std::size_t channels_;
-    Train train_;
-    Channels amplitude_{};
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    const Channels amplitude = per_channel(s, [&](std::size_t k) { return amplitude_N(s) * s.sensor.per_N[k]; });
+    return each_sample([channels = s.sensor.n(), train = Train(s), amplitude](Block& block, std::size_t n) mutable {
+        const double value = train.at(block.first + n);
+        for (std::size_t k = 0; k < channels; ++k) block.channel[k][n] += amplitude[k] * value;
+    });
+}
 
 // The largest sum in the scene; beyond 10,000 spikes, the largest possible one.
 Bound bound(const Setting& s) {
@@ -92,7 +82,7 @@ const EffectEntry entry{.name = "spikes",
                                        {"time_s", "in which one goes down to a third", 2e-3, 1e-6, 10},
                                        {"amplitude_N", "of the largest; by default 5 % of full scale", kByModel, 0, 1e4}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Spikes>(s); }};
+                        .make = make};
 
 }  // namespace
 }  // namespace tactiled::sim

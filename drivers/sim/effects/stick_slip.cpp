@@ -11,44 +11,34 @@ namespace {
 // During sticking the shear rises by stiffness * speed. At the static friction it falls at once as far below the
 // kinetic friction as it was above (no damping). The shear is therefore a sawtooth about the kinetic friction, whose
 // phase is exact for any step. Its amplitude decreases with speed by Stribeck's curve.
-class StickSlip final : public Effect {
-public:
-    explicit StickSlip(const Setting& s)
-        : kinetic_(s.body.kinetic_friction),
-          drop_(std::max(s.body.friction - s.body.kinetic_friction, 0.0)),
-          speed_m_s_(s.p[0]),
-          rise_(s.p[1] * skin(s.sensor).shear_N_m / s.rate_Hz) {}
-
-    void apply(Block& block) noexcept override {
+std::unique_ptr<Effect> make(const Setting& s) {
+    // place: 0 = just slipped, 1 = about to slip; at one half the change is 0
+    return each_sample([kinetic = s.body.kinetic_friction, drop = std::max(s.body.friction - s.body.kinetic_friction, 0.0),
+                        stribeck_m_s = s.p[0], rise = s.p[1] * skin(s.sensor).shear_N_m / s.rate_Hz,
+                        place = 0.5](Block& block, std::size_t n) mutable {
         auto& [fx, fy, fz, mx, my] = block.load;
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const double press = -fz[n], speed = block.speed_m_s[n];
-            const double relative = speed / speed_m_s_, swing = drop_ * std::exp(-relative * relative) * press;
-            if (speed <= 0 || press <= 0 || swing <= 0) {
-                place_ = 0.5;
-                continue;
-            }
-            place_ += std::min(rise_ * speed / (2 * swing), 1e6);
-            place_ -= std::floor(place_);
-            const double shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]), sliding = std::max(shear, kinetic_ * press);
-            if (sliding <= 0) continue;
-            // The scene's shear may differ from the friction: the sawtooth is then scaled by their ratio.
-            const double scale = std::max(1 + (2 * place_ - 1) * swing / sliding, 0.0);
-            fx[n] *= scale;
-            fy[n] *= scale;
+        const double press = -fz[n], speed = block.speed_m_s[n];
+        const double relative = speed / stribeck_m_s, swing = drop * std::exp(-relative * relative) * press;
+        if (speed <= 0 || press <= 0 || swing <= 0) {
+            place = 0.5;
+            return;
         }
-    }
-
-private:
-    double kinetic_, drop_, speed_m_s_, rise_;
-    double place_ = 0.5;  // 0 = just slipped, 1 = about to slip; at one half the change is 0
-};
+        place += std::min(rise * speed / (2 * swing), 1e6);
+        place -= std::floor(place);
+        const double shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]), sliding = std::max(shear, kinetic * press);
+        if (sliding <= 0) return;
+        // The scene's shear may differ from the friction: the sawtooth is then scaled by their ratio.
+        const double scale = std::max(1 + (2 * place - 1) * swing / sliding, 0.0);
+        fx[n] *= scale;
+        fy[n] *= scale;
+    });
+}
 
 // |T| swing / max(|T|, mu_k N) is no more than swing, nor than |T| swing / (mu_k N).
 Bound bound(const Setting& s) {
     const double drop = s.body.friction - s.body.kinetic_friction;
     if (s.extent.speed_m_s <= 0 || drop <= 0) return {};
-    std::array<double, kAxes> change{};
+    Load change{};
     for (const Axis axis : {kFx, kFy}) {
         change[axis] = drop * s.extent.max[kFz];
         if (s.body.kinetic_friction > 0)
@@ -71,7 +61,7 @@ const EffectEntry entry{
     .parameters = {{"stribeck_m_s", "speed at which static friction has gone to a third", 0.1, 1e-6, 100},
                    {"stiffness", "against shear, in that of the skin alone", 0.5, 1e-6, 1e3}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<StickSlip>(s); }};
+    .make = make};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -7,25 +7,19 @@
 namespace tactiled::sim {
 namespace {
 
-class StrayCapacitance final : public Effect {
-public:
-    explicit StrayCapacitance(const Setting& s) : pad_(s.sensor), sd_pF_(s.p[0]), noise_(s.random, s.rate_Hz, s.p[1]) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t i = 0; i < pad_.n; ++i)
-            for (std::size_t n = 0; n < block.n; ++n)
-                block.channel[pad_.channel[i]][n] += sd_pF_ * noise_.at(block.first + n, i);
-    }
-
-private:
-    Pad pad_;
-    double sd_pF_;
-    BandNoise noise_;
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_block(
+        [pad = Pad(s.sensor), sd_pF = s.p[0], noise = BandNoise(s.random, s.rate_Hz, s.p[1])](Block& block) mutable {
+            for (std::size_t i = 0; i < pad.n; ++i)
+                for (std::size_t n = 0; n < block.n; ++n)
+                    block.channel[pad.channel[i]][n] += sd_pF * noise.at(block.first + n, i);
+        });
+}
 
 Bound bound(const Setting& s) {
     const Pad pad(s.sensor);
     const BandNoise noise(s.random, s.rate_Hz, s.p[1]);
-    std::array<double, kMaxSensorChannels> change{};
+    Channels change{};
     for (std::size_t i = 0; i < pad.n; ++i) change[pad.channel[i]] = s.p[0] * noise.max(s.samples, i);
     const double change_N = s.sensor.largest_N(change);
     return {.change_N = change_N, .own_N = change_N};
@@ -42,7 +36,7 @@ const EffectEntry entry{
     .models = kCapacitive,
     .parameters = {{"deviation_pF", "one standard deviation", 1e-3, 0, 10}, {"frequency_Hz", "highest", 2, 1e-3, 1e5}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<StrayCapacitance>(s); }};
+    .make = make};
 
 }  // namespace
 }  // namespace tactiled::sim

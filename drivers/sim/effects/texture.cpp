@@ -17,46 +17,35 @@ double amplitude_N(const Setting& s) {
 }
 
 // press + min(A, press) sin(2 pi slide / pitch), at the centre of contact; the shear follows with kinetic friction.
-class Texture final : public Effect {
-public:
-    explicit Texture(const Setting& s)
-        : amplitude_N_(amplitude_N(s)),
-          kinetic_(s.body.kinetic_friction),
-          ridges_m_(1 / std::max(s.body.texture_pitch_m, 1e-9)) {}
-
-    void apply(Block& block) noexcept override {
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_sample([amplitude_N = amplitude_N(s), kinetic = s.body.kinetic_friction,
+                        ridges_m = 1 / std::max(s.body.texture_pitch_m, 1e-9)](Block& block, std::size_t n) {
         auto& [fx, fy, fz, mx, my] = block.load;
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const double press = -fz[n], ridge = block.slide_m[n] * ridges_m_;
-            if (block.speed_m_s[n] <= 0 || press <= 0) continue;
-            const double wave = std::sin(6.283185307179586 * (ridge - std::floor(ridge)));
-            const double more = std::min(amplitude_N_, press);
-            const double shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]);
-            fz[n] -= more * wave;
-            mx[n] -= block.y_m[n] * more * wave;
-            my[n] += block.x_m[n] * more * wave;
-            if (shear <= 0) continue;
-            const double scale = std::min(kinetic_ * more, shear) / shear * wave;
-            fx[n] += fx[n] * scale;
-            fy[n] += fy[n] * scale;
-        }
-    }
-
-private:
-    double amplitude_N_, kinetic_, ridges_m_;
-};
+        const double press = -fz[n], ridge = block.slide_m[n] * ridges_m;
+        if (block.speed_m_s[n] <= 0 || press <= 0) return;
+        const double wave = std::sin(6.283185307179586 * (ridge - std::floor(ridge)));
+        const double more = std::min(amplitude_N, press);
+        const double shear = std::sqrt(fx[n] * fx[n] + fy[n] * fy[n]);
+        fz[n] -= more * wave;
+        mx[n] -= block.y_m[n] * more * wave;
+        my[n] += block.x_m[n] * more * wave;
+        if (shear <= 0) return;
+        const double scale = std::min(kinetic * more, shear) / shear * wave;
+        fx[n] += fx[n] * scale;
+        fy[n] += fy[n] * scale;
+    });
+}
 
 // An error of the input changes min(A, press) and min(mu A, shear) by at most the same amount.
 Bound bound(const Setting& s) {
     const double amplitude = std::min(amplitude_N(s), s.extent.max[kFz]);
     if (amplitude <= 0 || s.extent.speed_m_s <= 0) return {};
     const double shear = s.body.kinetic_friction * amplitude;
-    std::array<double, kAxes> change{std::min(shear, s.extent.max[kFx]), std::min(shear, s.extent.max[kFy]), amplitude,
-                                     s.extent.y_m * amplitude, s.extent.x_m * amplitude};
-    const std::array<double, kAxes> error = observed(s.sensor);
+    Load change{std::min(shear, s.extent.max[kFx]), std::min(shear, s.extent.max[kFy]), amplitude, s.extent.y_m * amplitude,
+                s.extent.x_m * amplitude};
+    const Load error = observed(s.sensor);
     const double shear_error = 2 * std::hypot(error[kFx], error[kFy]) + s.body.kinetic_friction * error[kFz];
-    const std::array<double, kAxes> more{shear_error, shear_error, error[kFz], s.extent.y_m * error[kFz],
-                                         s.extent.x_m * error[kFz]};
+    const Load more{shear_error, shear_error, error[kFz], s.extent.y_m * error[kFz], s.extent.x_m * error[kFz]};
     const double change_N = s.sensor.channel_N(change);
     return {.change_N = change_N, .gain = 1 + s.sensor.channel_N(more), .own_N = change_N, .load = change};
 }
@@ -73,7 +62,7 @@ const EffectEntry entry{
     .parameters = {{"contact_m", "half width of the contact of a ridge", 2e-4, 0, 1},
                    {"stiffness", "against a press, in that of the skin alone", 0.5, 0, 1e3}},
     .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Texture>(s); },
+    .make = make,
     .instant = true};
 
 }  // namespace

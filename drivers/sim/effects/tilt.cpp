@@ -13,31 +13,22 @@ constexpr double kMaxTilt = 0.95;  // share of the tilt at which the rim touches
 double factor(double k) { return 2 / (1 + std::sqrt(1 - std::min(k, kMaxTilt) * std::min(k, kMaxTilt))); }
 
 // The upper electrode is tilted by an angle towards +x from the start, and tilts further under an eccentric press.
-class Tilt final : public Effect {
-public:
-    explicit Tilt(const Setting& s) : pad_(s.sensor), mounted_rad_(s.p[0]) {
-        for (std::size_t i = 0; i < pad_.n; ++i) at_rest_[i] = factor(pad_.radius_m[i] * mounted_rad_ / pad_.gap_m);
-    }
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const double N = -block.drive[kFz][n], tilt = pad_.tilt_rad_per_Nm * N;
-            const double x = std::clamp(block.x_m[n], -pad_.disc_m, pad_.disc_m);
-            const double y = std::clamp(block.y_m[n], -pad_.disc_m, pad_.disc_m);
-            const double angle = std::hypot(mounted_rad_ + tilt * x, tilt * y);
-            const double per_gap = Pad::closeness(pad_.strain_per_N * N) / pad_.gap_m;
-            for (std::size_t i = 0; i < pad_.n; ++i) {
-                double& value = block.channel[pad_.channel[i]][n];
-                value =
-                    pad_.rest_pF[i] + (value - pad_.rest_pF[i]) * (factor(pad_.radius_m[i] * angle * per_gap) / at_rest_[i]);
-            }
+std::unique_ptr<Effect> make(const Setting& s) {
+    const Pad pad(s.sensor);
+    std::array<double, Pad::kMax> at_rest{};
+    for (std::size_t i = 0; i < pad.n; ++i) at_rest[i] = factor(pad.radius_m[i] * s.p[0] / pad.gap_m);
+    return each_sample([pad, mounted_rad = s.p[0], at_rest](Block& block, std::size_t n) {
+        const double N = -block.drive[kFz][n], tilt = pad.tilt_rad_per_Nm * N;
+        const double x = std::clamp(block.x_m[n], -pad.disc_m, pad.disc_m);
+        const double y = std::clamp(block.y_m[n], -pad.disc_m, pad.disc_m);
+        const double angle = std::hypot(mounted_rad + tilt * x, tilt * y);
+        const double per_gap = Pad::closeness(pad.strain_per_N * N) / pad.gap_m;
+        for (std::size_t i = 0; i < pad.n; ++i) {
+            double& value = block.channel[pad.channel[i]][n];
+            value = pad.rest_pF[i] + (value - pad.rest_pF[i]) * (factor(pad.radius_m[i] * angle * per_gap) / at_rest[i]);
         }
-    }
-
-private:
-    Pad pad_;
-    double mounted_rad_;
-    std::array<double, Pad::kMax> at_rest_{};
-};
+    });
+}
 
 // The factor is between that of the smallest angle at the largest gap and that of the largest angle at the smallest
 // gap.
@@ -47,7 +38,7 @@ Bound bound(const Setting& s) {
     const double reach = std::hypot(std::min(s.extent.x_m, pad.disc_m), std::min(s.extent.y_m, pad.disc_m));
     const double turn = pad.tilt_rad_per_Nm * N * reach, c = Pad::closeness(pad.strain_per_N * N);
     const auto swing = largest_swing(s);
-    std::array<double, kMaxSensorChannels> change{};
+    Channels change{};
     double gain = 1;
     for (std::size_t i = 0; i < pad.n; ++i) {
         const std::size_t k = pad.channel[i];
@@ -76,7 +67,7 @@ const EffectEntry entry{.name = "tilt",
                         .models = kCapacitive,
                         .parameters = {{"mounted_rad", "tilt at rest", 0.01, 0, 0.2}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<Tilt>(s); },
+                        .make = make,
                         .instant = true};
 
 }  // namespace

@@ -49,29 +49,20 @@ private:
     double scale_;
 };
 
-class ZeroWalk final : public Effect {
-public:
-    explicit ZeroWalk(const Setting& s) : walk_(s), channels_(s.sensor.n()), per_N_(s.sensor.per_N) {}
-    void apply(Block& block) noexcept override {
-        for (std::size_t n = 0; n < block.n; ++n) {
-            const std::uint64_t sample = block.first + n, i = sample / Walk::kEvery;
-            if (i != at_)
-                for (std::size_t k = 0; k < channels_; ++k) {
-                    from_[k] = i == at_ + 1 ? to_[k] : per_N_[k] * walk_.at(i, k);
-                    to_[k] = per_N_[k] * walk_.at(i + 1, k);
-                }
-            at_ = i;
-            const double part = double(sample % Walk::kEvery) / double(Walk::kEvery);
-            for (std::size_t k = 0; k < channels_; ++k) block.channel[k][n] += from_[k] + part * (to_[k] - from_[k]);
-        }
-    }
-
-private:
-    Walk walk_;
-    std::size_t channels_;
-    std::array<double, kMaxSensorChannels> per_N_, from_{}, to_{};
-    std::uint64_t at_ = ~0ull - 1;
-};
+std::unique_ptr<Effect> make(const Setting& s) {
+    return each_sample([walk = Walk(s), channels = s.sensor.n(), per_N = s.sensor.per_N, from = Channels{}, to = Channels{},
+                        at = ~0ull - 1](Block& block, std::size_t n) mutable {
+        const std::uint64_t sample = block.first + n, i = sample / Walk::kEvery;
+        if (i != at)
+            for (std::size_t k = 0; k < channels; ++k) {
+                from[k] = i == at + 1 ? to[k] : per_N[k] * walk.at(i, k);
+                to[k] = per_N[k] * walk.at(i + 1, k);
+            }
+        at = i;
+        const double part = double(sample % Walk::kEvery) / double(Walk::kEvery);
+        for (std::size_t k = 0; k < channels; ++k) block.channel[k][n] += from[k] + part * (to[k] - from[k]);
+    });
+}
 
 Bound bound(const Setting& s) {
     const Walk walk(s);
@@ -91,7 +82,7 @@ const EffectEntry entry{.name = "zero_walk",
                         .parameters = {{"after_1_s_N", "standard deviation after one second; by default 1e-5 of full scale",
                                         std::numeric_limits<double>::quiet_NaN(), 0, 100}},
                         .bound = bound,
-                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ZeroWalk>(s); }};
+                        .make = make};
 
 }  // namespace
 }  // namespace tactiled::sim
