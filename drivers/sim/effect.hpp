@@ -31,11 +31,13 @@ enum class Stage {
     link,        // missing, lost, dropped, channel: transmission of the frame
 };
 
+inline constexpr double kByModel = std::numeric_limits<double>::quiet_NaN();
+
 // One parameter of an effect that a scene may set, [effects.NAME] KEY = ...
 struct Parameter {
     std::string_view name;  // with its unit
     std::string_view meaning;
-    double usual;  // the default; NaN = depends on the sensor's model, see the effect's file
+    double usual;  // the default; kByModel = depends on the sensor's model, see the effect's file
     double min, max;
 };
 

@@ -34,8 +34,7 @@ std::unique_ptr<Effect> make(const Setting& s) {
 // N (1 - c^-p) grows with N and more slowly than N.
 Bound bound(const Setting& s) {
     const double z = max(s, kFz);
-    const Load change{0, 0, z - softer(z, s.sensor.capacitive.strain_per_N, s.p[0]), 0, 0};
-    return {.change_N = s.sensor.channel_N(change), .load = change};
+    return bound_of_load(s, {0, 0, z - softer(z, s.sensor.capacitive.strain_per_N, s.p[0]), 0, 0});
 }
 
 // Approximates a press by a polynomial; a pull is unchanged.

@@ -3,15 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
-#include <limits>
 
 #include "drivers/sim/effects/reach.hpp"
 #include "drivers/sim/effects/warmth.hpp"
 #include "drivers/sim/scene.hpp"
 
 namespace tactiled::sim {
-
-inline constexpr double kByModel = std::numeric_limits<double>::quiet_NaN();  // default of a parameter
 
 // Change by rounding errors of the arithmetic, which matters only if a rounding to steps comes after it.
 inline constexpr double kLastBits_N = 1e-12;

@@ -24,8 +24,7 @@ std::unique_ptr<Effect> make(const Setting& s) {
 Bound bound(const Setting& s) {
     const double reached = -std::expm1(-(double(s.samples) + 1) / (s.rate_Hz * diffusion_s(s.sensor)));
     const double body_K = s.p[0] * s.extent.body_K * reached, scale_N = touch_scale_N(s.sensor);
-    Channels per_touch{};
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) per_touch[k] = drift_per_K(s, s.p[1], s.p[2], k) * body_K;
+    const Channels per_touch = per_channel(s, [&](std::size_t k) { return drift_per_K(s, s.p[1], s.p[2], k) * body_K; });
     const double whole = s.sensor.largest_N(per_touch);
     const double change_N = whole * touch(max(s, kFz), scale_N);
     return {.change_N = change_N, .gain = 1 + whole / scale_N * load_of_error(s.sensor, kFz), .own_N = change_N};
@@ -41,8 +40,7 @@ const EffectEntry entry{
     .instructions = 100,
     .models = kAll,
     .parameters = {{"share", "of the body's temperature that reaches the surface in full contact", 0.5, 0, 1},
-                   {"per_K", "of R0 or C0; by default by the sensor's model", std::numeric_limits<double>::quiet_NaN(), -0.1,
-                    0.1},
+                   {"per_K", "of R0 or C0; by default by the sensor's model", kByModel, -0.1, 0.1},
                    {"mismatch", "standard deviation between channels, relative", 0.01, 0, 1}},
     .bound = bound,
     .make = make};

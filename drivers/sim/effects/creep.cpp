@@ -43,10 +43,7 @@ Load largest_change(const Setting& s) {
     return change;
 }
 
-Bound bound(const Setting& s) {
-    const auto change = largest_change(s);
-    return {.change_N = s.sensor.channel_N(change), .gain = 1 + s.p[0], .load = change, .load_gain = 1 + s.p[0]};
-}
+Bound bound(const Setting& s) { return bound_of_load(s, largest_change(s), 1 + s.p[0]); }
 
 const EffectEntry entry{.name = "creep",
                         .title = "creep and relaxation",

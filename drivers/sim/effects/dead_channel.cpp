@@ -56,8 +56,7 @@ Bound bound(const Setting& s) {
     const Channels swing = largest_swing(s);
     for (std::size_t k = 0; k < s.sensor.n(); ++k)
         if (death(s, k) < double(s.samples)) change[k] = way(s) == kSaturationLimit ? swing[k] + limit(s, k) : 2 * swing[k];
-    const double change_N = s.sensor.largest_N(change);
-    return {.change_N = change_N, .own_N = change_N};
+    return bound_of_own(s, change);
 }
 
 const EffectEntry entry{

@@ -94,9 +94,7 @@ Load largest_change(const Setting& s) {
 
 Bound bound(const Setting& s) {
     const double z = s.p[1], q = std::exp(-std::numbers::pi * z / std::sqrt((1 - z) * (1 + z)));
-    const auto moved = largest_change(s);
-    const double gain = (1 + q) / (1 - q);
-    return {.change_N = s.sensor.channel_N(moved), .gain = gain, .load = moved, .load_gain = gain};
+    return bound_of_load(s, largest_change(s), (1 + q) / (1 - q));
 }
 
 const EffectEntry entry{
@@ -108,9 +106,9 @@ const EffectEntry entry{
     .cost_class = "c1",
     .instructions = 290,
     .models = kHair | kCapacitive,
-    .parameters = {{"resonance_Hz", "by default by the sensor's model", std::numeric_limits<double>::quiet_NaN(), 1, 1e6},
+    .parameters = {{"resonance_Hz", "by default by the sensor's model", kByModel, 1, 1e6},
                    {"damping", "z, of the critical one", 0.25, 0.02, 0.98},
-                   {"delay_s", "by default height over shear wave speed", std::numeric_limits<double>::quiet_NaN(), 0, 0.1}},
+                   {"delay_s", "by default height over shear wave speed", kByModel, 0, 0.1}},
     .bound = bound,
     .make = [](const Setting& s) { return on_axes(s, {}); },
     .levels = [](const Setting& s) { return fewer_axes(s, largest_change(s), on_axes); },

@@ -53,10 +53,7 @@ Bound bound(const Setting& s) {
     double sum = 0;
     for (const double a : keeps())
         sum += std::min(kMaxSds, kMaxStep * std::sqrt(1 - a * a) * std::min(double(s.samples), 1 / (1 - a)));
-    Channels change{};
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = sum * sd(s, k);
-    const double change_N = s.sensor.largest_N(change);
-    return {.change_N = change_N, .own_N = change_N};
+    return bound_of_own(s, per_channel(s, [&](std::size_t k) { return sum * sd(s, k); }));
 }
 
 const EffectEntry entry{

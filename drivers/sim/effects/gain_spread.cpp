@@ -35,20 +35,20 @@ Bound bound(const Setting& s) {
     return {.change_N = s.sensor.largest_N(change), .gain = 1 + max_sd};
 }
 
-const EffectEntry entry{.name = "gain_spread",
-                        .title = "spread of gains and zeros",
-                        .equation = "r = zero + (1 + e_k) (r - zero) + o_k",
-                        .source = "thesis: 1.85 % and 5.3 % between samples",
-                        .stage = Stage::transducer,
-                        .cost_class = "c0",
-                        .instructions = 90,
-                        .models = kAll,
-                        .parameters = {{"deviation", "of the gains, relative; by default by the sensor's model",
-                                        std::numeric_limits<double>::quiet_NaN(), 0, 0.2},
-                                       {"offset_N", "standard deviation of the zeros", 0, 0, 100}},
-                        .bound = bound,
-                        .make = make,
-                        .instant = true};
+const EffectEntry entry{
+    .name = "gain_spread",
+    .title = "spread of gains and zeros",
+    .equation = "r = zero + (1 + e_k) (r - zero) + o_k",
+    .source = "thesis: 1.85 % and 5.3 % between samples",
+    .stage = Stage::transducer,
+    .cost_class = "c0",
+    .instructions = 90,
+    .models = kAll,
+    .parameters = {{"deviation", "of the gains, relative; by default by the sensor's model", kByModel, 0, 0.2},
+                   {"offset_N", "standard deviation of the zeros", 0, 0, 100}},
+    .bound = bound,
+    .make = make,
+    .instant = true};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -30,8 +30,7 @@ const EffectEntry entry{
     .models = kTable | kCapacitive,
     .parameters = {{"change_percent", "of the relative humidity, at the scene's beginning", 2, -100, 100},
                    {"time_s", "tau, in which the skin takes it up", 300, 0.1, 1e6},
-                   {"per_percent", "strain, or of C0; by default by the sensor's model",
-                    std::numeric_limits<double>::quiet_NaN(), 0, 0.01}},
+                   {"per_percent", "strain, or of C0; by default by the sensor's model", kByModel, 0, 0.01}},
     .bound = [](const Setting& s) { return approach_bound(s, per_percent(s)); },
     .make = [](const Setting& s) { return approach(s, per_percent(s)); }};
 

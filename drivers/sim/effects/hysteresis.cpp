@@ -72,9 +72,7 @@ Load largest_change(const Setting& s) {
 }
 
 Bound bound(const Setting& s) {
-    const auto change = largest_change(s);
-    const double gain = 1 + 2 * width(s) * unit_weight() * double(kPlayOperators);
-    return {.change_N = s.sensor.channel_N(change), .gain = gain, .load = change, .load_gain = gain};
+    return bound_of_load(s, largest_change(s), 1 + 2 * width(s) * unit_weight() * double(kPlayOperators));
 }
 
 const EffectEntry entry{
@@ -86,8 +84,8 @@ const EffectEntry entry{
     .cost_class = "c2",
     .instructions = 1100,
     .models = kAll,
-    .parameters = {{"width", "of full scale, the loop from 0 to full scale; by default by the sensor's model",
-                    std::numeric_limits<double>::quiet_NaN(), 0, 0.5}},
+    .parameters = {{"width", "of full scale, the loop from 0 to full scale; by default by the sensor's model", kByModel, 0,
+                    0.5}},
     .bound = bound,
     .make = [](const Setting& s) { return on_axes(s, {}); },
     .levels = [](const Setting& s) { return fewer_axes(s, largest_change(s), on_axes); }};

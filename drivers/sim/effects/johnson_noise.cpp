@@ -19,10 +19,7 @@ std::unique_ptr<Effect> make(const Setting& s) {
 }
 
 Bound bound(const Setting& s) {
-    Channels change{};
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = kMaxNoise * sd(s);
-    const double change_N = s.sensor.largest_N(change);
-    return {.change_N = change_N, .own_N = change_N};
+    return bound_of_own(s, per_channel(s, [&](std::size_t) { return kMaxNoise * sd(s); }));
 }
 
 const EffectEntry entry{

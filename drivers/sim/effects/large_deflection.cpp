@@ -36,14 +36,9 @@ std::unique_ptr<Effect> make(const Setting& s) {
 Bound bound(const Setting& s) {
     const double z = max(s, kFz), per_N = strain_per_N(s.sensor);
     if (z == 0) return {};
-    if (per_N == 0) {
-        const Load change{0, 0, z - plate(z, s.p[0]), 0, 0};
-        return {.change_N = s.sensor.channel_N(change), .load = change};
-    }
+    if (per_N == 0) return bound_of_load(s, {0, 0, z - plate(z, s.p[0]), 0, 0});
     const double q = per_N * z, press = q - strain(q), pull = -q - strain(-q), x = 1 / (1 - strain(-q));
-    const Load change{0, 0, std::max(press, pull) / per_N, 0, 0};
-    const double gain = 1 / (x * (x * x + q));
-    return {.change_N = s.sensor.channel_N(change), .gain = gain, .load = change, .load_gain = gain};
+    return bound_of_load(s, {0, 0, std::max(press, pull) / per_N, 0, 0}, 1 / (x * (x * x + q)));
 }
 
 // The law of an elastomer as a polynomial of the force.

@@ -25,10 +25,7 @@ std::unique_ptr<Effect> make(const Setting& s) {
 
 // x + 0.3 (3 x - 4 x^3) + 0.1 (5 x - 20 x^3 + 16 x^5) is largest at x^2 = 0.355: 0.8733.
 Bound bound(const Setting& s) {
-    Channels change{};
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = 0.8734 * amplitude_N(s) * s.sensor.per_N[k];
-    const double change_N = s.sensor.largest_N(change);
-    return {.change_N = change_N, .own_N = change_N};
+    return bound_of_own(s, per_channel(s, [&](std::size_t k) { return 0.8734 * amplitude_N(s) * s.sensor.per_N[k]; }));
 }
 
 const EffectEntry entry{.name = "mains_hum",

@@ -22,11 +22,7 @@ std::unique_ptr<Effect> make(const Setting& s) {
     return each_reading(s, [offsets = offsets(s)](double r, std::size_t k) { return r + offsets[k]; });
 }
 
-Bound bound(const Setting& s) {
-    Channels change{};
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = offset(s, k);
-    return {.change_N = s.sensor.largest_N(change)};
-}
+Bound bound(const Setting& s) { return {.change_N = s.sensor.largest_N(offsets(s))}; }
 
 const EffectEntry entry{
     .name = "mounting_curvature",

@@ -2,7 +2,7 @@
 #include <array>
 #include <cmath>
 
-#include "drivers/sim/effect.hpp"
+#include "drivers/sim/effects/bounds.hpp"
 
 namespace tactiled::sim {
 namespace {
@@ -23,25 +23,22 @@ std::unique_ptr<Effect> make(const Setting& s) {
 }
 
 Bound bound(const Setting& s) {
-    Channels change{};
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = kMaxNoise * sd(s, k);
-    const double change_N = s.sensor.largest_N(change);
-    return {.change_N = change_N, .own_N = change_N};
+    return bound_of_own(s, per_channel(s, [&](std::size_t k) { return kMaxNoise * sd(s, k); }));
 }
 
-const EffectEntry entry{.name = "noise",
-                        .title = "white noise",
-                        .equation = "r = r + sigma n",
-                        .source = "Cao et al. 2023: 5.14e-6; recorded load cells: 0.025 to 0.043 % of full scale",
-                        .stage = Stage::converter,
-                        .cost_class = "c1",
-                        .instructions = 380,
-                        .models = kAll,
-                        .parameters = {{"deviation_N", "one standard deviation; by default by the sensor's model",
-                                        std::numeric_limits<double>::quiet_NaN(), 0, 100}},
-                        .bound = bound,
-                        .make = make,
-                        .instant = true};
+const EffectEntry entry{
+    .name = "noise",
+    .title = "white noise",
+    .equation = "r = r + sigma n",
+    .source = "Cao et al. 2023: 5.14e-6; recorded load cells: 0.025 to 0.043 % of full scale",
+    .stage = Stage::converter,
+    .cost_class = "c1",
+    .instructions = 380,
+    .models = kAll,
+    .parameters = {{"deviation_N", "one standard deviation; by default by the sensor's model", kByModel, 0, 100}},
+    .bound = bound,
+    .make = make,
+    .instant = true};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -17,9 +17,8 @@ std::unique_ptr<Effect> make(const Setting& s) {
 }
 
 Bound bound(const Setting& s) {
-    Channels change{};
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = step(s, k) / 2;
-    const double half_N = s.sensor.largest_N(change) * 1.000001;  // the rounding of the division
+    const Channels half = per_channel(s, [&](std::size_t k) { return step(s, k) / 2; });
+    const double half_N = s.sensor.largest_N(half) * 1.000001;  // the rounding of the division
     return {.change_N = half_N, .jump_N = 2 * half_N, .own_N = half_N};
 }
 

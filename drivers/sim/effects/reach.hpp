@@ -50,4 +50,16 @@ inline Channels largest_swing(const Setting& s) {
     return swing;
 }
 
+// Bound of an effect of the material that changes each component of the load by at most `change`; `gain` holds for the load
+// and its rate.
+inline Bound bound_of_load(const Setting& s, const Load& change, double gain = 1) {
+    return {.change_N = s.sensor.channel_N(change), .gain = gain, .load = change, .load_gain = gain};
+}
+
+// Bound of an effect that changes each channel by at most `change`, at any rate and without a change of the load.
+inline Bound bound_of_own(const Setting& s, const Channels& change, double gain = 1) {
+    const double change_N = s.sensor.largest_N(change);
+    return {.change_N = change_N, .gain = gain, .own_N = change_N};
+}
+
 }  // namespace tactiled::sim

@@ -16,9 +16,9 @@ std::unique_ptr<Effect> make(const Setting& s) {
 
 // The part beyond a limit; 0 where the load cannot reach it.
 Bound bound(const Setting& s) {
-    Channels change = largest_swing(s);
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = std::max(change[k] - s.p[0] * half_range(s.sensor, k), 0.0);
-    return {.change_N = s.sensor.largest_N(change)};
+    const Channels swing = largest_swing(s);
+    const auto beyond = [&](std::size_t k) { return std::max(swing[k] - s.p[0] * half_range(s.sensor, k), 0.0); };
+    return {.change_N = s.sensor.largest_N(per_channel(s, beyond))};
 }
 
 const EffectEntry entry{.name = "saturation",

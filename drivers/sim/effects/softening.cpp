@@ -23,11 +23,7 @@ Load largest_change(const Setting& s) {
     return change;
 }
 
-Bound bound(const Setting& s) {
-    const auto change = largest_change(s);
-    const double gain = 1 + 2 * s.p[0];
-    return {.change_N = s.sensor.channel_N(change), .gain = gain, .load = change, .load_gain = gain};
-}
+Bound bound(const Setting& s) { return bound_of_load(s, largest_change(s), 1 + 2 * s.p[0]); }
 
 const EffectEntry entry{.name = "softening",
                         .title = "softening by the first cycles",

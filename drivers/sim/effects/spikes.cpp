@@ -64,10 +64,8 @@ Bound bound(const Setting& s) {
         max = std::max(max, std::abs(train.at(std::uint64_t(sample))));
         last = sample;
     }
-    Channels change{};
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = max * 1.000001 * amplitude_N(s) * s.sensor.per_N[k];
-    const double change_N = s.sensor.largest_N(change);
-    return {.change_N = change_N, .own_N = change_N};
+    const double max_N = max * 1.000001 * amplitude_N(s);
+    return bound_of_own(s, per_channel(s, [&](std::size_t k) { return max_N * s.sensor.per_N[k]; }));
 }
 
 const EffectEntry entry{.name = "spikes",

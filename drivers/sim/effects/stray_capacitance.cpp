@@ -3,6 +3,7 @@
 
 #include "drivers/sim/effects/band_noise.hpp"
 #include "drivers/sim/effects/pad.hpp"
+#include "drivers/sim/effects/reach.hpp"
 
 namespace tactiled::sim {
 namespace {
@@ -21,8 +22,7 @@ Bound bound(const Setting& s) {
     const BandNoise noise(s.random, s.rate_Hz, s.p[1]);
     Channels change{};
     for (std::size_t i = 0; i < pad.n; ++i) change[pad.channel[i]] = s.p[0] * noise.max(s.samples, i);
-    const double change_N = s.sensor.largest_N(change);
-    return {.change_N = change_N, .own_N = change_N};
+    return bound_of_own(s, change);
 }
 
 const EffectEntry entry{

@@ -22,8 +22,7 @@ Bound bound(const Setting& s) {
     const double part = std::abs(per_K(s)) * s.extent.ambient_K;
     Channels change = largest_swing(s);
     for (double& c : change) c *= part;
-    const double change_N = s.sensor.largest_N(change);
-    return {.change_N = change_N, .gain = 1 + part, .own_N = change_N};
+    return bound_of_own(s, change, 1 + part);
 }
 
 const EffectEntry entry{.name = "temperature_gain",
@@ -34,8 +33,7 @@ const EffectEntry entry{.name = "temperature_gain",
                         .cost_class = "c0",
                         .instructions = 100,
                         .models = kAll,
-                        .parameters = {{"per_K", "relative; by default by the sensor's model",
-                                        std::numeric_limits<double>::quiet_NaN(), -0.05, 0.05}},
+                        .parameters = {{"per_K", "relative; by default by the sensor's model", kByModel, -0.05, 0.05}},
                         .bound = bound,
                         .make = make,
                         .instant = true};

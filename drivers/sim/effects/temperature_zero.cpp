@@ -18,11 +18,11 @@ std::unique_ptr<Effect> make(const Setting& s) {
 }
 
 Bound bound(const Setting& s) {
-    Channels change{};
-    for (std::size_t k = 0; k < s.sensor.n(); ++k) change[k] = drift_per_K(s, s.p[0], s.p[1], k) * s.extent.ambient_K;
-    const double change_N = s.sensor.largest_N(change);
-    const double rate_N_s = s.extent.ambient_K > 0 ? change_N / s.extent.ambient_K * s.extent.ambient_rate_K_s : 0;
-    return {.change_N = change_N, .own_N = change_N, .own_rate_N_s = rate_N_s};
+    Channels change = per_K(s);
+    for (double& c : change) c *= s.extent.ambient_K;
+    Bound result = bound_of_own(s, change);
+    result.own_rate_N_s = s.extent.ambient_K > 0 ? result.change_N / s.extent.ambient_K * s.extent.ambient_rate_K_s : 0;
+    return result;
 }
 
 const EffectEntry entry{.name = "temperature_zero",
@@ -33,8 +33,7 @@ const EffectEntry entry{.name = "temperature_zero",
                         .cost_class = "c0",
                         .instructions = 70,
                         .models = kAll,
-                        .parameters = {{"per_K", "of R0 or C0; by default by the sensor's model",
-                                        std::numeric_limits<double>::quiet_NaN(), -0.1, 0.1},
+                        .parameters = {{"per_K", "of R0 or C0; by default by the sensor's model", kByModel, -0.1, 0.1},
                                        {"mismatch", "standard deviation between channels, relative", 0.01, 0, 1}},
                         .bound = bound,
                         .make = make,

@@ -71,18 +71,18 @@ Bound bound(const Setting& s) {
     return {.change_N = max, .own_N = max};
 }
 
-const EffectEntry entry{.name = "zero_walk",
-                        .title = "walk of the zero",
-                        .equation = "r = r + B(t), B a Brownian path",
-                        .source = "Levy's construction",
-                        .stage = Stage::transducer,
-                        .cost_class = "c1",
-                        .instructions = 290,
-                        .models = kAll,
-                        .parameters = {{"after_1_s_N", "standard deviation after one second; by default 1e-5 of full scale",
-                                        std::numeric_limits<double>::quiet_NaN(), 0, 100}},
-                        .bound = bound,
-                        .make = make};
+const EffectEntry entry{
+    .name = "zero_walk",
+    .title = "walk of the zero",
+    .equation = "r = r + B(t), B a Brownian path",
+    .source = "Levy's construction",
+    .stage = Stage::transducer,
+    .cost_class = "c1",
+    .instructions = 290,
+    .models = kAll,
+    .parameters = {{"after_1_s_N", "standard deviation after one second; by default 1e-5 of full scale", kByModel, 0, 100}},
+    .bound = bound,
+    .make = make};
 
 }  // namespace
 }  // namespace tactiled::sim
