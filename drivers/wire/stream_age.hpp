@@ -215,8 +215,12 @@ inline void StreamAge::begin_again(double error_ns) noexcept {
 inline void StreamAge::follow(double step_ns, double advance_ns, bool is_explained) noexcept {
     up_ += (slope_ + drift_) * step_ns;
     low_ += (slope_ - drift_) * step_ns;
-    if (is_clock_ && x_ < std::min(low_, up_) - kJitter_ns)  // the clock was set on, or this machine stood still
-        return begin_again(error_ns() + up_ - x_);
+    if (is_clock_ && x_ < std::min(low_, up_) - kJitter_ns) {  // the clock was set on, or this machine stood still
+        const Anchor first = first_;  // a clock in another unit leaps with each frame, and the next proof shows that
+        begin_again(error_ns() + up_ - x_);
+        first_ = first;
+        return;
+    }
     if (!is_clock_) x_ = std::max(x_, low_);  // a burst of the device gives no credit for a later lag
     up_ = std::min(up_, x_);
     const double risen_ns = step_ns - advance_ns - (slope_ + drift_) * step_ns;
@@ -265,7 +269,9 @@ inline void StreamAge::prove(double delay_ns) noexcept {
     const double span_ns = now.t_ns - first_.t_ns;
     if (span_ns <= 0) return;
     const double slope = (now.offset_ns - first_.offset_ns) / span_ns;
-    if (std::abs(slope) > kMaxRate) {  // no rate: the clock was set
+    if (std::abs(slope) > kMaxRate) {  // no rate: the clock was set, or it counts in another unit and is no proof
+        if (!is_direct() && std::abs(slope) - (now.error_ns + first_.error_ns) / span_ns > kMaxRate)
+            doubt_ns_ = 2 * stale_ns_;
         first_ = now;
         second_ = {};
         return;
