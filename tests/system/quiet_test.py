@@ -12,7 +12,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from daemon import Daemon, ROOT, wait_for  # noqa: E402
 from process_costs import cpu_s, switches  # noqa: E402
 
-MOST = {"link": 5, "pipeline": 13, "modbus": 3, "links": 3, "watchdog": 5}  # wake-ups a second: the cadences above
+MOST = {"link": 5, "pipeline": 13, "modbus": 3, "links": 3, "watchdog": 5, "control": 2}  # a second: each cadence, and one more
 MOST_OF_OTHERS, MOST_OF_ALL = 1, 30
 QUIET_S = 12  # after the start; a link looks each fortieth of its silence
 LINK = """
