@@ -381,10 +381,9 @@ inline void StreamAge::advance(const Frame& frame, std::uint64_t host_ns, double
     const bool has_begun = is_clock_ ? std::abs(step_ns - advance_ns) > kBegun_ns && begun_ns < step_ns + kBegun_ns
                                      : is_opened_ && advance_ns > most_ns;
     const bool is_asked = is_opened_ && opened_ns_ != 0;
-    // An opening has lost frames, and the path has kept this one; or its clock was set back, because its number goes on.
+    // Its number goes on, so a clock that went back was set back.
     const bool is_next = frame.has_sequence && !is_opened_ && frame.sequence == sequence_ + 1 + frame.lost;
-    const bool is_kept = is_asked && advance_ns >= (double(opened_ns_) - double(host_ns_)) / 2;
-    const bool is_explained = is_kept || (is_next && advance_ns < -kJitter_ns);
+    const bool is_explained = is_next && advance_ns < -kJitter_ns;
     if (has_begun) {  // the device has restarted
         begin_again(bound_ns + step_ns);
         last_ = {};
