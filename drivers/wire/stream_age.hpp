@@ -83,8 +83,8 @@ public:
         return is_clock_ && span_ns > 0 ? (x_ - first_.offset_ns) / span_ns : 0;
     }
     [[nodiscard]] const Route& route() const noexcept { return route_; }
-    // True if the path kept its frames at the last opening, and each one makes its lag longer. rt: wait-free
-    [[nodiscard]] bool keeps() const noexcept { return keeps_; }
+    // True if the path has kept its frames at an opening, and the next one would make its lag longer. rt: wait-free
+    [[nodiscard]] bool keeps() const noexcept { return keeps_ && is_held(); }
     // Number of openings that have made the error small. rt: wait-free
     [[nodiscard]] std::uint32_t proofs() const noexcept { return proofs_; }
 
@@ -101,7 +101,7 @@ private:
     static constexpr double kMean_ns = 5e9, kLearn_ns = 0.5e9;  // memory of the mean interval, and its first measurement
     static constexpr double kMissing = 4;                       // periods
 
-    static constexpr double kNone_ns = -1e200, kUnbounded_ns = 1e18;
+    static constexpr double kNone_ns = 1e200, kUnbounded_ns = 1e18;
 
     struct Anchor {
         double t_ns = 0, offset_ns = 0, error_ns = 0;
@@ -120,6 +120,7 @@ private:
     [[nodiscard]] bool has_clock(const Frame& frame) const noexcept {
         return route_.device_clock && frame.device_time_us != 0;
     }
+    [[nodiscard]] bool is_held() const noexcept { return x_ >= held_ns_; }
     [[nodiscard]] bool is_direct() const noexcept { return route_.path == Route::Path::direct; }
     [[nodiscard]] double step_by_clock(const Frame& frame, double step_ns) noexcept;
     [[nodiscard]] double step_by_number(const Frame& frame, double step_ns) noexcept;
@@ -144,7 +145,7 @@ private:
     bool has_frame_ = false, is_opened_ = false, is_clock_ = false;
     // x has risen at once, as if frames were held or come again: until it falls below this, no opening or cable is a proof.
     double held_ns_ = kNone_ns;
-    bool keeps_ = false;  // and an opening has lost no frame
+    bool keeps_ = false;  // an opening has lost no frame: the limit above stays until a proof
     std::uint32_t proofs_ = 0;
     std::uint64_t opened_ns_ = 0, trouble_ns_ = 0;
     std::uint64_t host_ns_ = 0, t_ns_ = 0;  // of the previous frame
@@ -227,11 +228,11 @@ inline void StreamAge::follow(double step_ns, double advance_ns, bool is_explain
     if (std::abs(risen_ns) > kJitter_ns / 2 && !first_.is_set) first_.offset_ns += risen_ns;  // no rate
     const double by_rate = is_direct() ? 0 : keeps_ ? -drift_ : route_.clock_ppm * 1e-6;      // a rate may look like a lag
     held_ns_ += (slope_ + by_rate) * step_ns;
-    if (x_ < held_ns_) release();
+    if (!keeps_ && !is_held()) release();
     const double least_ns = is_direct() ? kJitter_ns : kJitter_ns / 2;
-    const bool is_held = (is_clock_ || is_direct()) && risen_ns > least_ns && !is_explained;
     // A cable's frames are proved near up_ only, so half of the way back is enough there.
-    if (is_held && held_ns_ <= kNone_ns) held_ns_ = x_ - risen_ns + (is_direct() ? risen_ns / 2 : least_ns);
+    if ((is_clock_ || is_direct()) && risen_ns > least_ns && !is_explained)
+        held_ns_ = std::min(held_ns_, x_ - risen_ns + (is_direct() ? risen_ns / 2 : least_ns));
 }
 
 // The first frame after an opening for a proof. If the frames of the time in which the link was closed are missing, the
@@ -239,10 +240,11 @@ inline void StreamAge::follow(double step_ns, double advance_ns, bool is_explain
 inline void StreamAge::test_opening(const Frame& frame, double advance_ns, double limit_ns, double host_ns) noexcept {
     const double closed_ns = double(opened_ns_) - double(host_ns_);
     double delay_ns = host_ns - double(opened_ns_);
-    if (held_ns_ > kNone_ns) {
-        keeps_ = keeps_ || advance_ns < closed_ns / 2;
-        return;
+    if (is_clock_ && advance_ns < closed_ns / 2) {  // it was measured before
+        keeps_ = true;
+        held_ns_ = std::min(held_ns_, x_ - closed_ns / 2);
     }
+    if (is_held()) return;
     if (is_clock_ || frame.has_sequence) {
         // A number shows that frames are missing even if the device has paused.
         const bool is_gap = frame.has_sequence ? frames_since(frame) >= 2 : advance_ns >= 1.5 * period_ns_;
@@ -345,7 +347,7 @@ inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t 
         // A cable that the user declares holds no frames for so long: the clock was set back.
         const bool lasts = trouble_ns_ != 0 && double(host_ns - std::min(trouble_ns_, host_ns)) > kLearn_ns;
         if (!route_.is_assumed && lasts) begin_again(0);
-        if (x_ - up_ < kJitter_ns && held_ns_ <= kNone_ns) prove(x_ - up_);
+        if (x_ - up_ < kJitter_ns && !is_held()) prove(x_ - up_);
     }
     is_opened_ = false;
     has_frame_ = true;

@@ -25,6 +25,7 @@ struct AgeScene {
     double jitter_s = 0.002;    // evenly distributed delay of the path
     double gateway_s = 0;       // the gateway forwards one frame in this time of its own timer; 0: at once
     double cap = 1e12;          // frames that its queue holds; it drops the oldest ones
+    int at_once = 0;            // frames that it forwards without its timer after an opening
     AtOpening at_opening = AtOpening::discards;
     // The device's next measurement after that at `t_s`, in s; default: its period.
     std::function<double(double t_s)> interval = nullptr;
@@ -131,6 +132,7 @@ private:
             }
             return;
         }
+        if (at_once_ > 0) --at_once_, tick_s_ = now_s_;
         const Item item = queue_.front();
         queue_.pop_front();
         arrive(item, now_s_);
@@ -187,6 +189,7 @@ private:
         ++tally.openings;
         closed_until_s_ = now_s_ + double(age_.closed_ns()) * 1e-9 + 0.002;
         open(ns(closed_until_s_));
+        at_once_ = scene_.at_once;
     }
 
     AgeScene scene_;
@@ -196,6 +199,7 @@ private:
     double now_s_ = 1000, measure_s_ = 1000, tick_s_ = 0, last_at_s_ = 0, last_s_ = 1000, clock_s_, echo_s_ = 1000,
            asked_s_ = 0;
     double echo_asked_s_ = 0, echo_answered_s_ = 0;
+    int at_once_ = 0;  // frames left of this opening
     double closed_until_s_ = 0, opening_s_ = -1e9, pause_s_ = 1;
     std::uint32_t proofs_ = 0, number_ = 0, before_ = 0, answered_us_ = 0;
     bool is_first_ = true, was_good_ = true, was_young_ = true, was_old_ = false;

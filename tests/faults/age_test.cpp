@@ -27,10 +27,12 @@ void print(const std::string& name, const AgeTally& t) {
 TEST(Age, NoGoodFrameIsOldBehindAQueueThatGrowsByUpToTwoPercent) {
     const double hours = setting("HOURS", 1);
     for (const double ppm : {1.0, 20.0, 50.0, 100.0, 200.0, 1000.0, 5000.0, 20000.0})
-        for (const auto& [name, at_opening, cap] : {std::tuple{"discards", AtOpening::discards, 1e12},
-                                                    {"keeps", AtOpening::keeps, 1e12},
-                                                    {"keeps 100 frames", AtOpening::keeps, 100.0},
-                                                    {"keeps 1000 frames", AtOpening::keeps, 1000.0}})
+        for (const auto& [name, at_opening, cap, at_once] : {std::tuple{"discards", AtOpening::discards, 1e12, 0},
+                                                             {"keeps", AtOpening::keeps, 1e12, 0},
+                                                             {"keeps 100 frames", AtOpening::keeps, 100.0, 0},
+                                                             {"keeps 1000 frames", AtOpening::keeps, 1000.0, 0},
+                                                             {"keeps 60, sends 3 at once", AtOpening::keeps, 60.0, 3},
+                                                             {"keeps 60, sends 5 at once", AtOpening::keeps, 60.0, 5}})
             for (const char* path : {"clock, TCP", "clock, pty", "number, TCP"}) {
                 const std::string_view on = path;
                 // Without a clock, a full queue that drops its oldest frames looks like one that was discarded.
@@ -41,6 +43,7 @@ TEST(Age, NoGoodFrameIsOldBehindAQueueThatGrowsByUpToTwoPercent) {
                                .declared_ppm = std::max(200.0, ppm),
                                .gateway_s = 0.01,
                                .cap = cap,
+                               .at_once = at_once,
                                .at_opening = at_opening};
                 AgeRun run(scene, std::uint64_t(setting("SEED", 1)));
                 const AgeTally tally = run.run(3600 * hours);

@@ -239,7 +239,7 @@ TEST(StreamAge, AfterAnOutageTheGatewayMayHaveKeptTheLastFrames) {
     EXPECT_EQ(device.next().age, Age::proved);
 }
 
-TEST(StreamAge, AGatewayMayKeepAFewFramesOfTheClosedTime) {
+TEST(StreamAge, AGatewayThatKeepsItsLastFramesIsProvedByTheirNumbersAlone) {
     for (const bool clock : {true, false}) {
         Device device(connection(), clock);
         device.run(100);
