@@ -83,7 +83,7 @@ public:
         return is_clock_ && span_ns > 0 ? (x_ - first_.offset_ns) / span_ns : 0;
     }
     [[nodiscard]] const Route& route() const noexcept { return route_; }
-    // True if the path has kept its frames at an opening, and the next one would make its lag longer. rt: wait-free
+    // True if the path has kept frames at an opening and has not caught up: the next one may add to its lag. rt: wait-free
     [[nodiscard]] bool keeps() const noexcept { return keeps_ && is_held(); }
     // Number of openings that have made the error small. rt: wait-free
     [[nodiscard]] std::uint32_t proofs() const noexcept { return proofs_; }
@@ -116,7 +116,10 @@ private:
     [[nodiscard]] StreamAge fresh() const noexcept { return StreamAge(std::uint64_t(stale_ns_)); }
     // If the clock is faster than stated, x falls below the lower limit, and the rate may be wrong by as much again.
     [[nodiscard]] double error_ns() const noexcept { return std::abs(up_ - low_) + doubt_ns_; }
-    [[nodiscard]] double due_ns() const noexcept { return std::clamp(2 * period_ns_, stale_ns_ / 2, stale_ns_ * 3 / 4); }
+    // A path that has kept frames and has caught up is asked at once, before the limit has sunk below an honest x.
+    [[nodiscard]] double due_ns() const noexcept {
+        return keeps_ && !is_held() ? 0 : std::clamp(2 * period_ns_, stale_ns_ / 2, stale_ns_ * 3 / 4);
+    }
     [[nodiscard]] bool has_clock(const Frame& frame) const noexcept {
         return route_.device_clock && frame.device_time_us != 0;
     }
@@ -145,7 +148,8 @@ private:
     bool has_frame_ = false, is_opened_ = false, is_clock_ = false;
     // x has risen at once, as if frames were held or come again: until it falls below this, no opening or cable is a proof.
     double held_ns_ = kNone_ns;
-    bool keeps_ = false;  // an opening has lost no frame: the limit above stays until a proof
+    // A frame came that was measured before an opening: this limit sinks with low_, and stays until a proof or a new begin.
+    bool keeps_ = false;
     std::uint32_t proofs_ = 0;
     std::uint64_t opened_ns_ = 0, trouble_ns_ = 0;
     std::uint64_t host_ns_ = 0, t_ns_ = 0;  // of the previous frame
@@ -226,7 +230,8 @@ inline void StreamAge::follow(double step_ns, double advance_ns, bool is_explain
     up_ = std::min(up_, x_);
     const double risen_ns = step_ns - advance_ns - (slope_ + drift_) * step_ns;
     if (std::abs(risen_ns) > kJitter_ns / 2 && !first_.is_set) first_.offset_ns += risen_ns;  // no rate
-    const double by_rate = is_direct() ? 0 : keeps_ ? -drift_ : route_.clock_ppm * 1e-6;      // a rate may look like a lag
+    // A rate may look like a lag, and behind a gateway that keeps its frames a lag like a rate.
+    const double by_rate = is_direct() ? 0 : keeps_ ? -drift_ : route_.clock_ppm * 1e-6;
     held_ns_ += (slope_ + by_rate) * step_ns;
     if (!keeps_ && !is_held()) release();
     const double least_ns = is_direct() ? kJitter_ns : kJitter_ns / 2;
@@ -242,7 +247,7 @@ inline void StreamAge::test_opening(const Frame& frame, double advance_ns, doubl
     double delay_ns = host_ns - double(opened_ns_);
     if (is_clock_ && advance_ns < closed_ns / 2) {  // it was measured before
         keeps_ = true;
-        held_ns_ = std::min(held_ns_, x_ - closed_ns / 2);
+        held_ns_ = std::min(held_ns_, x_ - (host_ns - double(host_ns_) - advance_ns) + closed_ns / 2);
     }
     if (is_held()) return;
     if (is_clock_ || frame.has_sequence) {

@@ -250,6 +250,31 @@ TEST(StreamAge, AGatewayThatKeepsItsLastFramesIsProvedByTheirNumbersAlone) {
     }
 }
 
+TEST(StreamAge, APathThatKeptFramesOnceIsProvedAgain) {
+    Device device(connection());
+    device.run(100);
+    device.reopen();
+    device.run(100);
+    device.run(40, 150);  // this machine is busy
+    device.age.open(device.path, device.measured_ns + 200 * kMs);
+    device.measured_ns += 50 * kMs;  // the first frame was measured before the middle of the closed time
+    device.sequence += 5;
+    (void)device.next(145);
+    bool asks = false;
+    for (int i = 0; i < 100 && !asks; ++i) {
+        (void)device.next();
+        asks = device.age.asks_for_reopening(device.measured_ns, false);
+    }
+    EXPECT_TRUE(asks);
+    device.run(800);
+    device.reopen();
+    (void)device.next();
+    device.run(30'000);  // 300 s
+    device.reopen();
+    EXPECT_EQ(device.next().age, Age::proved);
+    EXPECT_LT(device.next().bound_ns, 12e6);
+}
+
 TEST(StreamAge, APauseBetweenTwoProofsDoesNotStretchTheInterval) {
     Device device(connection(), false);
     for (int i = 0; i < 10; ++i) {
