@@ -9,6 +9,17 @@ namespace {
 // Method "auto" is timed in one of this many samples, because reading the clock twice takes as long as a fast method.
 constexpr std::uint64_t kTimedEvery = 8;
 
+Wrench wrench_of(const auto& force, const auto& torque) noexcept {
+    return {force[0], force[1], force[2], torque[0], torque[1], torque[2]};
+}
+
+Wrench sd_of(const tactiled_sample& s) noexcept { return wrench_of(s.sd_force_N, s.sd_torque_Nm); }
+
+void put_sd(const Wrench& sd, tactiled_sample& s) noexcept {
+    std::copy_n(sd.begin(), 3, s.sd_force_N);
+    std::copy_n(sd.begin() + 3, 3, s.sd_torque_Nm);
+}
+
 void put(const Estimate& e, tactiled_sample& s) noexcept {
     s.reasons = e.reasons;
     s.residual = e.residual;
@@ -17,9 +28,8 @@ void put(const Estimate& e, tactiled_sample& s) noexcept {
     for (std::size_t i = 0; i < 3; ++i) {
         s.raw_force_S_N[i] = e.wrench_S[i];
         s.raw_torque_S_Nm[i] = e.wrench_S[i + 3];
-        s.sd_force_N[i] = e.sd[i];
-        s.sd_torque_Nm[i] = e.sd[i + 3];
     }
+    put_sd(e.sd, s);
 }
 
 }  // namespace
@@ -211,30 +221,24 @@ void Sensor::judge_zero(tactiled_sample& s) const noexcept {
     for (std::size_t i = 0; i < 3; ++i) s.sd_force_N[i] = s.sd_torque_Nm[i] = kNaN;
 }
 
-// While the force changes, the delays of the chain and of the low pass contribute to the standard deviation.
+// While the force changes, the delay of the chain contributes to the standard deviation.
 inline void Sensor::judge_latency(tactiled_sample& s) noexcept {
     if (s.quality == TACTILED_BAD) return latency_.forget();
-    Wrench raw, sd;
-    for (std::size_t i = 0; i < 3; ++i) {
-        raw[i] = s.raw_force_S_N[i];
-        raw[i + 3] = s.raw_torque_S_Nm[i];
-        sd[i] = s.sd_force_N[i];
-        sd[i + 3] = s.sd_torque_Nm[i];
-    }
-    latency_.widen(raw, s.t_ns, sd);
-    std::copy_n(sd.begin(), 3, s.sd_force_N);
-    std::copy_n(sd.begin() + 3, 3, s.sd_torque_Nm);
+    Wrench sd = sd_of(s);
+    latency_.widen(wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm), s.t_ns, sd);
+    put_sd(sd, s);
 }
 
 // Sets force and torque to the raw wrench minus the zero, after the low pass.
 void Sensor::put_tared(tactiled_sample& s) noexcept {
     const Wrench& zero = zero_S();
-    Wrench tared;
-    for (std::size_t i = 0; i < 3; ++i) {
-        tared[i] = s.raw_force_S_N[i] - zero[i];
-        tared[i + 3] = s.raw_torque_S_Nm[i] - zero[i + 3];
+    Wrench tared = wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm);
+    for (std::size_t i = 0; i < tared.size(); ++i) tared[i] -= zero[i];
+    if (s.quality != TACTILED_BAD) {
+        Wrench sd = sd_of(s);
+        low_pass_.apply(tared, sd, s.t_ns);
+        put_sd(sd, s);
     }
-    if (s.quality != TACTILED_BAD) low_pass_.apply(tared, s.t_ns);
     std::copy_n(tared.begin(), 3, s.force_S_N);
     std::copy_n(tared.begin() + 3, 3, s.torque_S_Nm);
 }
@@ -308,9 +312,6 @@ void Sensor::set(const SensorSettable& settable) noexcept {
         std::min(or_configured(settable.contact_off_N, tuning_->contact_off_N), in_force_.contact_on_N);
     in_force_.overload_N = or_configured(settable.overload_N, tuning_->overload_N);
     if (in_force_.filter_Hz != low_pass_.cutoff_Hz()) low_pass_.set_cutoff(in_force_.filter_Hz);
-    Wrench delay_s = chain_delay_s_;
-    for (double& each : delay_s) each += low_pass_.delay_s();
-    if (delay_s != delay_s_) latency_.set_delay(delay_s_ = delay_s);
 }
 
 void Sensor::retune(Sensor& other) noexcept {

@@ -177,7 +177,8 @@ private:
     void set_delay() noexcept {
         if (setup_.decoupler == nullptr) return;
         setup_.decoupler->set_delay(tuning_->delay_s);
-        chain_delay_s_ = delay_of_components_s(*setup_.decoupler, tuning_->delay_s);
+        const Wrench delay_s = delay_of_components_s(*setup_.decoupler, tuning_->delay_s);
+        if (delay_s != delay_s_) latency_.set_delay(delay_s_ = delay_s);
     }
 
     Setup setup_;                     // `tuning` is moved to tuning_
@@ -191,7 +192,7 @@ private:
     std::size_t method_ = 0;  // method "auto": method of zero_S() and low_pass_; else 0
     LowPass low_pass_;
     Latency latency_;
-    Wrench chain_delay_s_{}, delay_s_{};          // per component: without and with the low pass
+    Wrench delay_s_{};                            // of the chain, per component
     std::array<double, kMaxChannels> channel_{};  // channels of the last frame, in the unit of the calibration
     double others_temperature_C_ = kNaN;
     float peak_N_ = 0;

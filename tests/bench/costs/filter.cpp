@@ -23,10 +23,10 @@ double noise_left(double cutoff_Hz, std::size_t samples) {
     const auto settled = std::size_t(2 * kRate_Hz / cutoff_Hz);  // twenty time constants
     double squares_in = 0, squares_out = 0;
     for (std::size_t i = 0; i < settled + samples; ++i) {
-        std::array<double, 6> value;
+        std::array<double, 6> value, sd{};
         for (double& v : value) v = normal(random);
         for (const double v : value) squares_in += i < settled ? 0 : v * v;
-        filter.apply(value, (i + 1) * kStep_ns);
+        filter.apply(value, sd, (i + 1) * kStep_ns);
         for (const double v : value) squares_out += i < settled ? 0 : v * v;
     }
     return std::sqrt(squares_out / squares_in);
@@ -37,21 +37,30 @@ double delay_ms(double cutoff_Hz) {
     LowPass filter;
     filter.set_cutoff(cutoff_Hz);
     const auto settled = std::uint64_t(4 * kRate_Hz / cutoff_Hz);
-    std::array<double, 6> value{};
+    std::array<double, 6> value{}, sd{};
     double t_s = 0;
     for (std::uint64_t i = 0; i <= settled; ++i) {
         t_s = double(i) * kStep_s;
         value.fill(t_s);
-        filter.apply(value, (i + 1) * kStep_ns);
+        filter.apply(value, sd, (i + 1) * kStep_ns);
     }
     return (t_s - value[0]) * 1e3;
 }
 
-// Two equal stages y += g (x - y), g = 1 - b: impulse response (n + 1) g^2 b^n, squares summed; delay 2 b / (1 - b) steps.
-double theory_noise(double b) { return std::pow(1 - b, 2) * std::sqrt((1 + b * b) / std::pow(1 - b * b, 3)); }
-double theory_delay_ms(double b) { return 2 * b / (1 - b) * kStep_s * 1e3; }
-double pole(double cutoff_Hz) {
-    return std::exp(-2 * std::numbers::pi * cutoff_Hz * kStep_s / std::sqrt(std::sqrt(2.0) - 1));
+// Two equal stages dy/dt = w (u - y), u linear between samples. The response to one sample is the second difference of the
+// twice integrated impulse response w^2 t exp(-w t); the noise that is left is the root of the sum of its squares.
+double corner_rad_s(double cutoff_Hz) { return 2 * std::numbers::pi * cutoff_Hz / std::sqrt(std::sqrt(2.0) - 1); }
+double theory_delay_ms(double cutoff_Hz) { return 2e3 / corner_rad_s(cutoff_Hz); }
+double theory_noise(double cutoff_Hz) {
+    const double w = corner_rad_s(cutoff_Hz);
+    const auto twice = [&](double n) {
+        const double t_s = std::max(n, 0.0) * kStep_s;
+        return t_s + (2 / w + t_s) * std::exp(-w * t_s) - 2 / w;
+    };
+    double squares = 0;
+    for (double n = 0; w * n * kStep_s < 40; ++n)
+        squares += std::pow((twice(n + 1) - 2 * twice(n) + twice(n - 1)) / kStep_s, 2);
+    return std::sqrt(squares);
 }
 
 Cost measure(const CostSetup& setup) {
@@ -61,15 +70,14 @@ Cost measure(const CostSetup& setup) {
         theory{"theory", Symbol::none, Stroke::solid, {}, kGrey};
     const Cost::Row* best = nullptr;
     for (const double cutoff_Hz : {1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0}) {
-        const double b = pole(cutoff_Hz);
         cost.rows.push_back({fmt::format("{:g} Hz", cutoff_Hz),
-                             {cutoff_Hz, delay_ms(cutoff_Hz), theory_delay_ms(b),
-                              noise_left(cutoff_Hz, setup.samples_or(400'000)), theory_noise(b)}});
+                             {cutoff_Hz, delay_ms(cutoff_Hz), theory_delay_ms(cutoff_Hz),
+                              noise_left(cutoff_Hz, setup.samples_or(400'000)), theory_noise(cutoff_Hz)}});
         const auto& v = cost.rows.back().values;
         measured.points.push_back({v[1], 100 * v[3], cost.rows.back().name});
     }
     for (double cutoff_Hz = 0.8; cutoff_Hz < 250; cutoff_Hz *= 1.1)
-        theory.points.push_back({theory_delay_ms(pole(cutoff_Hz)), 100 * theory_noise(pole(cutoff_Hz)), ""});
+        theory.points.push_back({theory_delay_ms(cutoff_Hz), 100 * theory_noise(cutoff_Hz), ""});
     for (const auto& row : cost.rows)
         if (row.values[1] <= kMaxDelay_ms && (best == nullptr || row.values[3] < best->values[3])) best = &row;
     cost.figure = {"Low-pass: noise against delay, samples at 1 kHz",

@@ -118,9 +118,8 @@ TEST(Sensor, TheDelayOfChainAndLowPassIsInTheStandardDeviationWhileTheForceMoves
     EXPECT_EQ(late.sd_force_N[1], Through::kSd_N);
     EXPECT_EQ(late.t_ns, 49 * kMs);
     const double lag_N = low_passed.raw_force_S_N[0] - low_passed.force_S_N[0];
-    EXPECT_GT(low_passed.sd_force_N[0],
-              lag_N);  // the filter applies each sample to the time before it
-    EXPECT_LT(low_passed.sd_force_N[0], 1.5 * lag_N);
+    EXPECT_NEAR(lag_N, 100 * 0.2048 / 50, 1e-3);
+    EXPECT_NEAR(low_passed.sd_force_N[0], lag_N, 4 * Through::kSd_N);
     for (std::uint64_t i = 50; i < 60; ++i) late = send(chain, i * kMs, 5, 0);
     EXPECT_EQ(late.sd_force_N[0], Through::kSd_N);
 }
