@@ -18,21 +18,15 @@ public:
     }
     [[nodiscard]] double cutoff_Hz() const noexcept { return cutoff_Hz_; }
     [[nodiscard]] bool is_on() const noexcept { return cutoff_Hz_ > 0; }
-    // Restarts with the next value, but keeps the noise. Called after a discontinuity, a tare, or a sample without a value.
-    // rt: wait-free
-    void reset() noexcept {
-        empty_ = true;
-        in_block_ = 0;
-    }
+    // Restarts with the next value. Called after a discontinuity, a tare, or a sample without a value. rt: wait-free
+    void reset() noexcept { empty_ = true; }
 
-    // Replaces each value by the filtered one, and its sd by hypot(sd, value - filtered), less the noise of the values. The
-    // error of the filtered value is that of the value plus this difference, whatever the force does. rt: wait-free
+    // Replaces each value by the filtered one and adds the lag to its sd. The error of the filtered value is that of the
+    // value plus value - filtered, whatever the force does. Noise explains the difference up to sqrt(3) sd, the ends of a
+    // uniform distribution; twice the difference of the stages is the lag in steady motion, with little noise. rt: wait-free
     void apply(std::array<double, 6>& value, std::array<double, 6>& sd, std::uint64_t t_ns) noexcept {
         if (!is_on()) return;
-        if (empty_)
-            input_ = first_ = second_ = value;
-        else
-            learn_noise(value);
+        if (empty_) input_ = first_ = second_ = value;
         // A stage with the corner w follows dy/dt = w (u - y). x: the time since the last sample, times w.
         const double x = empty_ || t_ns <= t_ns_ ? 0 : corner_rad_s() * double(t_ns - t_ns_) * 1e-9;
         const double gain = -std::expm1(-x), decay = x * (1 - gain), ramp = x > 0 ? 1 - gain / x : 0;
@@ -41,9 +35,8 @@ public:
             second_[i] += gain * (input_[i] - second_[i]) + decay * (first_[i] - input_[i]) + (2 * ramp - gain) * step;
             first_[i] += gain * (input_[i] - first_[i]) + ramp * step;
             input_[i] = value[i];
-            const double late = value[i] - second_[i], squared = sd[i] * sd[i];
-            const double explained = kNoise * kNoise * std::min(noise_squared_[i], squared);
-            if (late * late > explained) sd[i] = std::sqrt(squared + late * late - explained);
+            const double late = value[i] - second_[i], lag = 2 * (first_[i] - second_[i]), squared = sd[i] * sd[i];
+            sd[i] = std::sqrt(squared + std::max(late * late - 3 * squared, lag * lag));
             value[i] = second_[i];
         }
         t_ns_ = t_ns;
@@ -51,33 +44,15 @@ public:
     }
 
 private:
-    static constexpr double kNoise = 2;          // differences below two sd of the noise are explained by it
-    static constexpr std::uint32_t kBlock = 64;  // samples
-
     // Each stage has -1.5 dB at the cutoff. The corner of a stage is therefore 1 / sqrt(sqrt(2) - 1) times the cutoff.
     [[nodiscard]] double corner_rad_s() const noexcept {
         return 2 * 3.14159265358979323846 * cutoff_Hz_ * 1.5537739740300374;
     }
 
-    // The variance of the noise is half of the mean square of the steps between samples, in the quietest block so far.
-    void learn_noise(const std::array<double, 6>& value) noexcept {
-        if (in_block_ == 0) block_ = {};
-        for (std::size_t i = 0; i < value.size(); ++i) block_[i] += (value[i] - input_[i]) * (value[i] - input_[i]);
-        if (++in_block_ < kBlock) return;
-        in_block_ = 0;
-        for (std::size_t i = 0; i < value.size(); ++i) {
-            const double squared = block_[i] / (2.0 * kBlock);
-            noise_squared_[i] = is_noise_known_ ? std::min(noise_squared_[i], squared) : squared;
-        }
-        is_noise_known_ = true;
-    }
-
     double cutoff_Hz_ = 0;
-    bool empty_ = true, is_noise_known_ = false;
-    std::uint32_t in_block_ = 0;
+    bool empty_ = true;
     std::uint64_t t_ns_ = 0;
     std::array<double, 6> input_{}, first_{}, second_{};
-    std::array<double, 6> noise_squared_{}, block_{};  // 0 until the first block is complete
 };
 
 }  // namespace tactiled
