@@ -25,6 +25,7 @@ namespace {
 constexpr std::int64_t kFormat = 2;
 constexpr std::size_t kMaxBytes = 1 << 20, kMaxKept = 256;
 constexpr std::uint64_t kRetryNs = 1'000'000'000;  // after a write that failed
+constexpr int kPatienceMs = 500;                   // for a daemon that is ending
 constexpr char kInstalled[] = "/var/lib/tactiled";
 
 std::string variable(const char* name) {
@@ -71,11 +72,15 @@ ZeroFiles zero_files_in(const std::vector<std::string>& folders, const std::stri
 // ---- start and reload --------------------------------------------------------------------------------------------------
 
 ZeroStore::ZeroStore(ZeroFiles files, std::vector<ZeroOwner> owners)
-    : path_(std::move(files.written)), owners_(std::move(owners)) {
+    : path_(std::move(files.written)), lock_(path_ + ".lock"), owners_(std::move(owners)) {
     for (std::size_t i = 0; i < owners_.size(); ++i) sensor_of_owner_.push_back(i);
     std::error_code ignored;
     if (!path_.empty()) std::filesystem::create_directories(std::filesystem::path(path_).parent_path(), ignored);
-    load(files.read);
+    if (!path_.empty() && lock_.take(kPatienceMs) == LockFile::State::busy) {
+        lose_all(fmt::format("{}: another daemon keeps its zeros there; give [node] zeros a path of its own", path_));
+        path_.clear();
+    } else
+        load(files.read);
     write();
     thread_.start("zeros", 0, -1, [this] { serve(); });
 }
@@ -119,8 +124,11 @@ void ZeroStore::load(const std::string& path) {
         }
         file.finish();
     }
-    if (problems.empty()) return;
-    log_line(LogLevel::warning, "{}; no zero is known: tare every sensor, or remove its tare", problems.lines().front());
+    if (!problems.empty()) lose_all(problems.lines().front());
+}
+
+void ZeroStore::lose_all(const std::string& why) {
+    log_line(LogLevel::warning, "{}; no zero is known: tare every sensor, or remove its tare", why);
     kept_.clear();
     for (const ZeroOwner& owner : owners_) kept_.push_back({owner.sensor, owner.serial, now_text(), 0, 1, {}});
 }

@@ -15,6 +15,7 @@
 #include "node/realtime.hpp"
 #include "node/ring.hpp"
 #include "node/sensor.hpp"
+#include "node/shm/lock_file.hpp"
 #include "node/wake_word.hpp"
 
 namespace tactiled {
@@ -41,8 +42,9 @@ ZeroFiles zero_files_in(const std::vector<std::string>& folders, const std::stri
 
 class ZeroStore {
 public:
-    // Reads `files.read`, and writes `files.written` to check that it can be written. `owners` are in the order of the
-    // sensors. Errors are reported in the log. setup: throws SetupError where no thread can be made
+    // Reads `files.read`, and writes `files.written` to check that it can be written. If another daemon has the file, no
+    // zero is known, and no tare is kept. `owners` are in the order of the sensors. Errors are reported in the log. setup:
+    // throws SetupError where no thread can be made
     ZeroStore(ZeroFiles files, std::vector<ZeroOwner> owners);
     ~ZeroStore();
     ZeroStore(const ZeroStore&) = delete;
@@ -80,6 +82,7 @@ private:
     };
     void add(std::uint32_t sensor, const Sensor& of, const TaredZero& zero) noexcept;
     void load(const std::string& path);
+    void lose_all(const std::string& why);
     void serve() noexcept;
     void take(const Order& order);
     void write() noexcept;
@@ -87,6 +90,7 @@ private:
     [[nodiscard]] Kept* find(const std::string& sensor);
 
     std::string path_;
+    LockFile lock_;                  // of the path: two daemons with one file would restore each other's zeros
     std::mutex mutex_;               // guards owners_, between the thread and replace_owner()
     std::vector<ZeroOwner> owners_;  // including those of earlier configurations until their orders are written
     std::vector<std::size_t> sensor_of_owner_;

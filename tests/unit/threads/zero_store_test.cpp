@@ -92,6 +92,22 @@ TEST_F(ZeroStoreTest, ATareIsRestoredToTheLastBit) {
     EXPECT_EQ(s.tare_count, 1u);
 }
 
+TEST_F(ZeroStoreTest, TwoDaemonsDoNotShareAFile) {
+    run_and_tare();
+    const std::string before = text();
+    {
+        ZeroStore first({path_, path_}, {owner()});
+        EXPECT_TRUE(first.is_usable());
+        ZeroStore second({path_, path_}, {owner()});
+        auto others = sensors();
+        second.restore(others);
+        expect_lost(send(others[0], -20));
+        EXPECT_FALSE(second.is_usable()) << "its tares are refused";
+    }
+    EXPECT_EQ(text(), before);
+    EXPECT_EQ(after(owner()).quality, unsigned(TACTILED_GOOD)) << "the lock ends with its holder";
+}
+
 TEST_F(ZeroStoreTest, WithForgetATaredSensorHasNoKnownZeroUntilItIsTaredAgainOrUntared) {
     run_and_tare();
     ZeroOwner forgets = owner();
