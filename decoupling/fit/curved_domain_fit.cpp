@@ -1,4 +1,4 @@
-#include "decoupling/fit/curved_domain_fit.hpp"
+#include "decoupling/fit/domain_fit.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -7,7 +7,7 @@
 #include <limits>
 #include <random>
 
-#include "decoupling/fit/held_out_ridge.hpp"
+#include "decoupling/fit/corrections.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {

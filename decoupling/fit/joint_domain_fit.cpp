@@ -1,10 +1,9 @@
-#include "decoupling/fit/joint_domain_fit.hpp"
+#include "decoupling/fit/domain_fit.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <set>
 
-#include "decoupling/fit/curved_domain_fit.hpp"
 #include "decoupling/joint_domain.hpp"
 #include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"

@@ -1,4 +1,4 @@
-#include "decoupling/fit/parity_fit.hpp"
+#include "decoupling/fit/domain_fit.hpp"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,6 @@
 #include <set>
 
 #include "decoupling/fit/groups.hpp"
-#include "decoupling/fit/joint_domain_fit.hpp"
 #include "decoupling/parity.hpp"
 #include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"

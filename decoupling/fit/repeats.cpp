@@ -1,4 +1,4 @@
-#include "decoupling/fit/repeats.hpp"
+#include "decoupling/fit/recording_checks.hpp"
 
 #include <algorithm>
 #include <cstdint>

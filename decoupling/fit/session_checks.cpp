@@ -9,7 +9,6 @@
 #include "decoupling/fit/least_squares.hpp"
 #include "decoupling/fit/recording_checks.hpp"
 #include "decoupling/fit/session_pairs.hpp"
-#include "decoupling/fit/session_verdict.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {

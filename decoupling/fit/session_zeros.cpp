@@ -1,4 +1,4 @@
-#include "decoupling/fit/session_zeros.hpp"
+#include "decoupling/fit/recording_checks.hpp"
 
 #include <fmt/format.h>
 

@@ -5,7 +5,7 @@
 #include <numeric>
 #include <utility>
 
-#include "decoupling/fit/robust.hpp"
+#include "decoupling/fit/least_squares.hpp"
 #include "decoupling/solve/dense.hpp"
 
 namespace tactiled {

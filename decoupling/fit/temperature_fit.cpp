@@ -1,4 +1,4 @@
-#include "decoupling/fit/temperature_fit.hpp"
+#include "decoupling/fit/recording_checks.hpp"
 
 #include <fmt/format.h>
 

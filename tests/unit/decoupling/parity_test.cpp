@@ -7,7 +7,7 @@
 #include <random>
 
 #include "decoupling/fit/fit.hpp"
-#include "decoupling/fit/parity_fit.hpp"
+#include "decoupling/fit/domain_fit.hpp"
 #include "made_by_hand.hpp"
 
 namespace tactiled {
