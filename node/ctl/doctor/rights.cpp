@@ -39,14 +39,13 @@ void look_at_group(const Machine& machine, const std::string& process, Findings&
         const std::string group = line.substr(second + 1);
         for (const char* mount : {"/sys/fs/cgroup/cpu", "/sys/fs/cgroup/cpu,cpuacct"})
             if (machine.number(mount + group + "/cpu.rt_runtime_us") == 0) {
-                found.push_back(
-                    {"rt_group", Verdict::wrong, fmt::format("the cpu group {} may have no real time", group),
-                     "take CPUQuota=, CPUWeight= and CPUAccounting= out of this unit and its neighbours, or write "
-                     "cpu.rt_runtime_us"});
+                found.wrong("rt_group", fmt::format("the cpu group {} may have no real time", group),
+                            "take CPUQuota=, CPUWeight= and CPUAccounting= out of this unit and its neighbours, or write "
+                            "cpu.rt_runtime_us");
                 return;
             }
     }
-    found.push_back({"rt_group", Verdict::good, "no cpu group forbids SCHED_FIFO", ""});
+    found.good("rt_group", "no cpu group forbids SCHED_FIFO");
 }
 
 // Returns field `n` of /proc/PID/stat, counted as in its manual page; the second field may contain spaces and
@@ -81,27 +80,26 @@ void look_at_rights(const Machine& machine, const std::string& pid, const Realti
     const std::string whose = pid == "self" ? "a daemon started from here" : "the daemon";
     const auto priority = limit_of(machine, process, "Max realtime priority");
     if (has_capability(machine, process, kSysNice))
-        found.push_back({"priority", Verdict::good, fmt::format("{} has CAP_SYS_NICE", whose), ""});
+        found.good("priority", fmt::format("{} has CAP_SYS_NICE", whose));
     else if (priority.value_or(0) >= unsigned(wanted.priority))
-        found.push_back({"priority", Verdict::good, fmt::format("{} may use priorities up to {}", whose, *priority), ""});
+        found.good("priority", fmt::format("{} may use priorities up to {}", whose, *priority));
     else
-        found.push_back(
-            {"priority", Verdict::wrong,
-             fmt::format("{} may use priorities up to {}; [realtime] priority = {}", whose, priority.value_or(0),
-                         wanted.priority),
-             "LimitRTPRIO=98 in the unit; for a login: \"@tactile - rtprio 98\" in /etc/security/limits.d/tactiled.conf"});
+        found.wrong(
+            "priority",
+            fmt::format("{} may use priorities up to {}; [realtime] priority = {}", whose, priority.value_or(0),
+                        wanted.priority),
+            "LimitRTPRIO=98 in the unit; for a login: \"@tactile - rtprio 98\" in /etc/security/limits.d/tactiled.conf");
 
     const auto bytes = limit_of(machine, process, "Max locked memory");
     const bool may_lock = has_capability(machine, process, kIpcLock) || bytes.value_or(0) >= kEnoughBytes;
     if (!wanted.lock_memory)
-        found.push_back({"memory", Verdict::advice, "[realtime] lock_memory = false: a page fault may delay the loop",
-                         "lock_memory = true"});
+        found.advice("memory", "[realtime] lock_memory = false: a page fault may delay the loop", "lock_memory = true");
     else if (may_lock)
-        found.push_back({"memory", Verdict::good, fmt::format("{} may lock its memory", whose), ""});
+        found.good("memory", fmt::format("{} may lock its memory", whose));
     else
-        found.push_back({"memory", Verdict::wrong, fmt::format("{} may lock {} kB", whose, bytes.value_or(0) / 1024),
-                         "LimitMEMLOCK=infinity in the unit; for a login: \"@tactile - memlock unlimited\" in "
-                         "/etc/security/limits.d/tactiled.conf"});
+        found.wrong("memory", fmt::format("{} may lock {} kB", whose, bytes.value_or(0) / 1024),
+                    "LimitMEMLOCK=infinity in the unit; for a login: \"@tactile - memlock unlimited\" in "
+                    "/etc/security/limits.d/tactiled.conf");
     look_at_group(machine, process, found);
     look_at_threads(machine, process, wanted, found);
 }

@@ -22,20 +22,19 @@ bool is_filtered(const Machine& machine, const std::string& pid) {
 void look_at_sandbox(const Machine& machine, const std::string& pid, Findings& found) {
     const bool runs = pid != "self";
     if (runs && is_filtered(machine, pid))
-        found.push_back({kCheck, Verdict::good, "the daemon's system calls are filtered", ""});
+        found.good(kCheck, "the daemon's system calls are filtered");
     else if (!has_system_call_filter())
-        found.push_back(
-            {kCheck, Verdict::advice,
-             "this program has no filter of system calls for this processor: the daemon has no sandbox of its own", kUnit});
+        found.advice(kCheck,
+                     "this program has no filter of system calls for this processor: the daemon has no sandbox of its own",
+                     kUnit);
     else if (machine.line(kActions).find("errno") == std::string::npos)
-        found.push_back({kCheck, Verdict::advice,
-                         "the kernel has no filters of system calls: the daemon has no sandbox of its own",
-                         "a kernel with CONFIG_SECCOMP_FILTER"});
+        found.advice(kCheck, "the kernel has no filters of system calls: the daemon has no sandbox of its own",
+                     "a kernel with CONFIG_SECCOMP_FILTER");
     else if (runs)
-        found.push_back({kCheck, Verdict::advice, "the daemon runs without its filter of system calls",
-                         "its log has the reason, in a line that begins with \"seccomp:\""});
+        found.advice(kCheck, "the daemon runs without its filter of system calls",
+                     "its log has the reason, in a line that begins with \"seccomp:\"");
     else
-        found.push_back({kCheck, Verdict::good, "this processor and this kernel can filter the daemon's system calls", ""});
+        found.good(kCheck, "this processor and this kernel can filter the daemon's system calls");
 }
 
 }  // namespace tactiled::ctl::doctor
