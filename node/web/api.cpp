@@ -1,6 +1,5 @@
 #include "node/web/api.hpp"
 
-#include <cmath>
 #include <nlohmann/json.hpp>
 #include <span>
 
@@ -10,15 +9,6 @@ namespace tactiled::web {
 namespace {
 
 constexpr auto kReplace = nlohmann::json::error_handler_t::replace;
-
-nlohmann::json json_number(double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); }
-
-template <class T>
-nlohmann::json numbers(const T* values, std::size_t n) {
-    nlohmann::json list = nlohmann::json::array();
-    for (std::size_t i = 0; i < n; ++i) list.push_back(json_number(double(values[i])));
-    return list;
-}
 
 nlohmann::json words(std::span<const char* const> all, std::uint32_t bits) {
     nlohmann::json list = nlohmann::json::array();
@@ -47,12 +37,12 @@ std::string status_body(const View& view, const std::string& node_name) {
         sensor["stale_ms"] = about.stale_ms;
         sensor["serial"] = about.serial;
         sensor["components"] = about.components;
-        sensor["full_scale"] = numbers(about.full_scale, 6);
-        sensor["sd_torque_Nm"] = numbers(s.sd_torque_Nm, 3);
-        sensor["cop_S_m"] = numbers(s.cop_S_m, 2);
-        sensor["residual"] = json_number(s.residual);
-        sensor["temperature_C"] = json_number(double(s.temperature_C));
-        sensor["peak_N"] = json_number(double(s.peak_N));
+        sensor["full_scale"] = about.full_scale;
+        sensor["sd_torque_Nm"] = s.sd_torque_Nm;
+        sensor["cop_S_m"] = s.cop_S_m;
+        sensor["residual"] = s.residual;
+        sensor["temperature_C"] = s.temperature_C;
+        sensor["peak_N"] = s.peak_N;
         sensor["contact"] = (s.state & TACTILED_CONTACT) != 0;
         sensor["overload"] = (s.state & TACTILED_OVERLOAD) != 0;
         sensor["sequence"] = s.sequence;

@@ -18,8 +18,6 @@ namespace {
 
 constexpr auto kReplace = nlohmann::json::error_handler_t::replace;  // a name that is no UTF-8
 
-nlohmann::json json_number(double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); }
-
 // JSON by hand: this is written 30 times a second.
 class Text {
 public:
@@ -133,8 +131,6 @@ std::string hello_message(const View& view, const std::string& run, bool has_com
     }
     for (std::uint32_t i = 0; i < view.n_sensors(); ++i) {
         const auto& s = segment.sensor(i);
-        nlohmann::json scale = nlohmann::json::array();
-        for (const float full : s.full_scale) scale.push_back(json_number(double(full)));
         out["sensors"].push_back({{"name", s.name},
                                   {"model", s.model},
                                   {"method", s.method},
@@ -142,7 +138,7 @@ std::string hello_message(const View& view, const std::string& run, bool has_com
                                   {"link", s.link},
                                   {"stale_ms", s.stale_ms},
                                   {"components", s.components},
-                                  {"full_scale", scale}});
+                                  {"full_scale", s.full_scale}});
     }
     for (std::uint32_t i = 0; i < view.n_links(); ++i)
         out["links"].push_back({{"name", segment.link(i).name},
