@@ -23,10 +23,7 @@ RobustFit robust_least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& 
     if (!result.solved.dependent.empty()) return result;
     for (int i = 0; i < kReweightings; ++i) {
         const Eigen::VectorXd error = y - a * result.solved.coefficient;
-        std::vector<double> sizes(error.data(), error.data() + error.size());
-        for (double& size : sizes) size = std::abs(size);
-        std::nth_element(sizes.begin(), sizes.begin() + std::ptrdiff_t(sizes.size() / 2), sizes.end());
-        result.sd = kRobustSd * sizes[sizes.size() / 2] * std::sqrt(double(a.rows()) / double(a.rows() - a.cols()));
+        result.sd = robust_sd(error) * std::sqrt(double(a.rows()) / double(a.rows() - a.cols()));
         if (!(result.sd > 1e-13 * y.cwiseAbs().maxCoeff())) break;  // only rounding is left
         const Eigen::VectorXd weight = (1 + (error / (kCauchyEfficient * result.sd)).array().square()).rsqrt();
         const LeastSquares next = least_squares(weight.asDiagonal() * a, weight.cwiseProduct(y));

@@ -6,7 +6,6 @@
 #include <set>
 
 #include "decoupling/fit/labels.hpp"
-#include "decoupling/fit/suspect_loads.hpp"
 #include "decoupling/fit/validate.hpp"
 
 namespace tactiled {

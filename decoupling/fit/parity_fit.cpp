@@ -79,9 +79,7 @@ double size_of(const Eigen::VectorXd& residual, const std::vector<std::size_t>& 
             squares += residual[i] * residual[i];
         }
     if (sizes.empty()) return kNaN;
-    const auto at = sizes.begin() + std::ptrdiff_t(kTail * double(sizes.size() - 1));
-    std::nth_element(sizes.begin(), at, sizes.end());
-    return std::max(std::sqrt(squares / double(sizes.size())), *at / kTail_sd);
+    return std::max(std::sqrt(squares / double(sizes.size())), quantile(sizes, kTail) / kTail_sd);
 }
 
 struct HeldOutParity {

@@ -52,14 +52,6 @@ inline constexpr int kRounds = 3;  // iterations of the weights
 // Hz by 9 %.
 inline constexpr double kSureEnough = 0.05;
 
-inline double robust_sd(const Eigen::VectorXd& errors) {
-    std::vector<double> sizes;
-    for (const double error : errors) sizes.push_back(std::abs(error));
-    const auto middle = sizes.begin() + std::ptrdiff_t(sizes.size() / 2);
-    std::nth_element(sizes.begin(), middle, sizes.end());
-    return kRobustSd * *middle;
-}
-
 // Returns the square roots of the weights of Cauchy's loss.
 inline Eigen::VectorXd root_weights(const Eigen::VectorXd& errors) {
     const double sd = robust_sd(errors);

@@ -114,9 +114,7 @@ Zeros zeros_of(const Data& data) {
             size.push_back((at_rest.row(i) - zeros.of_session.row(Eigen::Index(data.session[std::size_t(i)])))
                                .cwiseQuotient(data.width)
                                .norm());
-        std::vector<double> sorted = size;
-        std::nth_element(sorted.begin(), sorted.begin() + std::ptrdiff_t(sorted.size() / 2), sorted.end());
-        const double limit = kFarOff * sorted[sorted.size() / 2];
+        const double limit = kFarOff * median(size);
         for (std::size_t i = 0; i < size.size(); ++i) zeros.agrees[i] = size[i] <= limit;
     }
     return zeros;

@@ -163,19 +163,6 @@ Wrench error_nearby(const std::vector<Load>& loads, std::size_t of, const std::v
 
 }  // namespace
 
-double median(std::vector<double> values) {
-    if (values.empty()) return kNaN;
-    const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
-
-double quantile(std::vector<double> values, double share) {
-    const auto at = values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
-    std::nth_element(values.begin(), at, values.end());
-    return *at;
-}
-
 std::vector<Load> loads_of_same_label(const Rows& rows) {
     std::vector<Load> loads;
     const auto same = [](const Wrench& a, const Wrench& b) {

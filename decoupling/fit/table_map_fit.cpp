@@ -45,10 +45,7 @@ double unexplained_variance(const std::vector<Loaded>& loaded, const std::vector
         left.push_back((off - a * solved.coefficient).squaredNorm() / double(n - 5) -
                        std::pow(kGainError, 2) * y.squaredNorm() / double(n));
     }
-    if (left.empty()) return 0;
-    const auto middle = left.begin() + std::ptrdiff_t(left.size() / 2);
-    std::nth_element(left.begin(), middle, left.end());
-    return std::max(0.0, *middle);
+    return left.empty() ? 0 : std::max(0.0, median(std::move(left)));
 }
 
 void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {

@@ -183,12 +183,7 @@ double ComponentErrors::within(double times) const {
     return double(n) / double(error.size());
 }
 
-double ComponentErrors::median_sd() const {
-    if (!sd_known || sd.empty()) return kNaN;
-    std::vector<double> sorted = sd;
-    std::nth_element(sorted.begin(), sorted.begin() + std::ptrdiff_t(sorted.size() / 2), sorted.end());
-    return sorted[sorted.size() / 2];
-}
+double ComponentErrors::median_sd() const { return sd_known ? median(sd) : kNaN; }
 
 ComponentErrors::Worst ComponentErrors::worst_session() const {
     std::map<std::size_t, std::pair<double, double>> squares;  // sum, rows
