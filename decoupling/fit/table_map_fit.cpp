@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/table_fit.hpp"
 #include "decoupling/solve/consistency.hpp"
 #include "decoupling/solve/domain.hpp"
@@ -67,8 +68,9 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
     std::vector<Loaded> loaded;
     int beside = 0;
     double max = 0;
-    for (const auto* row : rows_with(rows, all)) max = std::max(max, std::abs(row->wrench_S[2]));
-    for (const auto* row : rows_with(rows, all)) {
+    const Rows whole = rows_with(rows, component_indices(all));
+    for (const auto* row : whole) max = std::max(max, std::abs(row->wrench_S[2]));
+    for (const auto* row : whole) {
         const auto& w = row->wrench_S;
         const Eigen::Vector3d force(w[0], w[1], w[2]);
         Influence answer = Influence::Zero();
