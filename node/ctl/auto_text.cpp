@@ -1,4 +1,4 @@
-#include "node/ctl/auto_text.hpp"
+#include "node/ctl/status_text.hpp"
 
 #include <fmt/format.h>
 

@@ -7,22 +7,16 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "node/ctl/auto_text.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/grasp_text.hpp"
 #include "node/ctl/liveness.hpp"
 #include "node/ctl/status_text.hpp"
-#include "node/ctl/tool_text.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/modbus/table.hpp"
 #include "tactiled/reader.hpp"
 
 namespace tactiled::ctl {
 namespace {
-
-std::string number(double value, int width, int digits) {
-    return std::isfinite(value) ? fmt::format("{:{}.{}f}", value, width, digits) : fmt::format("{:>{}}", "-", width);
-}
 
 nlohmann::json lateness_json(const Lateness& counts) {
     nlohmann::json out;
@@ -148,6 +142,10 @@ int status(const Args& args) {
 }
 
 }  // namespace
+
+std::string number(double value, int width, int digits) {
+    return std::isfinite(value) ? fmt::format("{:{}.{}f}", value, width, digits) : fmt::format("{:>{}}", "-", width);
+}
 
 double age_ms(const tactiled_sample& s, std::uint64_t now_ns) {
     return now_ns > s.t_ns ? double(now_ns - s.t_ns) / 1e6 : 0.0;

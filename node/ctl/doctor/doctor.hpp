@@ -1,5 +1,5 @@
 // tactilectl doctor: its findings and the files that it reads. One file in this folder for each subject: machine,
-// rights, sandbox, devices, safety.
+// rights and sandbox, devices, safety.
 #pragma once
 #include <optional>
 #include <string>
