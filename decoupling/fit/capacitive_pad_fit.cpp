@@ -1,5 +1,5 @@
 // Model "capacitive", methods "ratio" and "overlap": the same unknowns, with the overlap to first order or exact.
-// capacitive_model.hpp has the equations. There are 14 unknowns: five zeros and active capacitances, K and q of the
+// capacitive_fit.hpp has the equations. There are 14 unknowns: five zeros and active capacitances, K and q of the
 // compression law, shear stiffness and its exponent p. A press alone hardly separates the active part of a
 // capacitance from the stiffness (they differ at the third order of v), so weak priors fix the combinations that the
 // data leave open: each has the weight of one reading.
@@ -12,7 +12,7 @@
 #include <cmath>
 
 #include "decoupling/capacitive/methods.hpp"
-#include "decoupling/fit/robust.hpp"
+#include "decoupling/fit/least_squares.hpp"
 
 namespace tactiled {
 namespace {

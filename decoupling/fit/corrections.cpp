@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "decoupling/fit/labels.hpp"
 #include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
 
@@ -11,9 +12,7 @@ namespace tactiled {
 Scaled fit_matrix_and_scale(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
     fit_affine(rows, calibration, warnings);
     const auto n = Eigen::Index(calibration.channels.size());
-    Scaled scaled{.u = Eigen::MatrixXd(Eigen::Index(rows.size()), n), .component = {}};
-    for (std::size_t i = 0; i < rows.size(); ++i)
-        scaled.u.row(Eigen::Index(i)) = Eigen::Map<const Eigen::RowVectorXd>(rows[i]->channel.data(), n);
+    Scaled scaled{.u = channels_of(rows), .component = {}};
     const Eigen::Map<const Eigen::RowVectorXd> zero(calibration.zero.data(), n);
     scaled.u.rowwise() -= zero;  // now r
     const Eigen::RowVectorXd mean = scaled.u.colwise().mean();

@@ -1,4 +1,4 @@
-#include "decoupling/fit/curved_domain_fit.hpp"
+#include "decoupling/fit/domain_fit.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,6 +7,7 @@
 
 #include "decoupling/curved_distance.hpp"
 #include "decoupling/fit/groups.hpp"
+#include "decoupling/fit/labels.hpp"
 #include "decoupling/joint_domain.hpp"
 #include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
@@ -81,13 +82,6 @@ Eigen::MatrixXd residuals(const Surface& surface, const Eigen::MatrixXd& channel
     const Eigen::VectorXd from_rows = (p * surface.feature_whitening.transpose()).rowwise().squaredNorm();
     const Eigen::VectorXd grown = (1 + from_rows.array() / double(p.cols())).sqrt();
     return (z - p * surface.coefficients).array().colwise() / grown.array();
-}
-
-std::vector<std::vector<double>> rows_in(const Eigen::MatrixXd& matrix) {
-    std::vector<std::vector<double>> rows(std::size_t(matrix.rows()));
-    for (Eigen::Index i = 0; i < matrix.rows(); ++i)
-        for (Eigen::Index k = 0; k < matrix.cols(); ++k) rows[std::size_t(i)].push_back(matrix(i, k));
-    return rows;
 }
 
 std::vector<std::vector<double>> triangle_in(const Eigen::MatrixXd& matrix) {
@@ -200,14 +194,12 @@ void set_curved_domain(const Rows& rows, const std::vector<std::size_t>& group_o
     JointDomain& domain = calibration.joint_domain;
     domain.curved = {};
     const std::size_t n = calibration.channels.size();
-    Seen seen{.channel = Eigen::MatrixXd(Eigen::Index(rows.size()), Eigen::Index(n)),
+    Seen seen{.channel = channels_of(rows),
               .unit = {},
               .variance = Eigen::VectorXd(Eigen::Index(n)),
               .groups = {},
               .loads = loads_of(rows).back() + 1,
               .shrinkage = 0};
-    for (std::size_t i = 0; i < rows.size(); ++i)
-        for (std::size_t k = 0; k < n; ++k) seen.channel(Eigen::Index(i), Eigen::Index(k)) = rows[i]->channel[k];
     seen.unit = (seen.channel.colwise().maxCoeff() - seen.channel.colwise().minCoeff()) / 4;
     if (!(seen.unit.minCoeff() > 0)) return;
     seen.channel = seen.channel.array().rowwise() / seen.unit.array();

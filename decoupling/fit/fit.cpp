@@ -9,16 +9,11 @@
 #include <utility>
 
 #include "decoupling/accuracy.hpp"
+#include "decoupling/fit/domain_fit.hpp"
 #include "decoupling/fit/groups.hpp"
-#include "decoupling/fit/joint_domain_fit.hpp"
 #include "decoupling/fit/labels.hpp"
-#include "decoupling/fit/leave_out.hpp"
 #include "decoupling/fit/outliers.hpp"
-#include "decoupling/fit/parity_fit.hpp"
 #include "decoupling/fit/recording_checks.hpp"
-#include "decoupling/fit/repeats.hpp"
-#include "decoupling/fit/session_zeros.hpp"
-#include "decoupling/fit/temperature_fit.hpp"
 #include "decoupling/fit/trial.hpp"
 #include "decoupling/method.hpp"
 #include "decoupling/solve/domain.hpp"

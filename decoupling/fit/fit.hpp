@@ -163,6 +163,9 @@ void fit_affine(const Rows& rows, Calibration& calibration, std::vector<std::str
 
 inline constexpr std::size_t kRowsPerCoefficient = 3;  // with fewer rows the residual describes the noise
 
+// Returns the rows of a matrix as a table of a calibration.
+std::vector<std::vector<double>> rows_in(const Eigen::MatrixXd& matrix);
+
 // Returns the number of independent rows with a label of component `c`: consecutive rows under the same load count as
 // one.
 std::size_t independent_rows(const Rows& rows, std::size_t c);

@@ -69,17 +69,11 @@ void fit_affine(const Rows& rows, Calibration& calibration, std::vector<std::str
     calibration.condition = 0;
     for (Eigen::Index i = 0; i < n_components; ++i) {
         const std::size_t c = component_index(calibration.components[std::size_t(i)]);
-        Eigen::Index n = 0;
-        for (const auto* row : rows) n += std::isfinite(row->wrench_S[c]) ? 1 : 0;
-        if (n <= n_channels) throw Undetermined(fmt::format("{} rows with {} are too few", n, label_column(c)));
-        Eigen::MatrixXd x(n, n_channels);
-        Eigen::VectorXd y(n);
-        Eigen::Index at = 0;
-        for (const auto* row : rows) {
-            if (!std::isfinite(row->wrench_S[c])) continue;
-            x.row(at) = Eigen::Map<const Eigen::RowVectorXd>(row->channel.data(), n_channels);
-            y[at++] = row->wrench_S[c];
-        }
+        const Rows known = rows_with(rows, {c});
+        if (Eigen::Index(known.size()) <= n_channels)
+            throw Undetermined(fmt::format("{} rows with {} are too few", known.size(), label_column(c)));
+        const Eigen::MatrixXd x = channels_of(known);
+        const Eigen::VectorXd y = labels_of(known, {c});
         if (!(y.minCoeff() < y.maxCoeff())) throw Undetermined(fmt::format("{} is always {} there", label_column(c), y[0]));
         Affine affine = affine_fit(x, y);
         if (!affine.slope.dependent.empty())
@@ -121,10 +115,14 @@ void fit_affine(const Rows& rows, Calibration& calibration, std::vector<std::str
                 "zero of {} is {:.2g}, {:.0f} % of its width from its mean at rest {:.2g}: not a straight line",
                 calibration.channels[std::size_t(k)], zero[k], 100 * std::abs(zero[k] - at_rest[k]) / width[k], at_rest[k]));
     calibration.zero.assign(zero.data(), zero.data() + n_channels);
-    calibration.matrix.assign(std::size_t(n_components), std::vector<double>(std::size_t(n_channels)));
-    for (Eigen::Index i = 0; i < n_components; ++i)
-        for (Eigen::Index k = 0; k < n_channels; ++k) calibration.matrix[std::size_t(i)][std::size_t(k)] = m(i, k);
+    calibration.matrix = rows_in(m);
     calibration.parameters.clear();
+}
+
+std::vector<std::vector<double>> rows_in(const Eigen::MatrixXd& matrix) {
+    std::vector<std::vector<double>> rows;
+    for (const auto& row : matrix.rowwise()) rows.emplace_back(row.begin(), row.end());
+    return rows;
 }
 
 namespace {

@@ -223,17 +223,9 @@ void fit_mlp(const Rows& rows, Calibration& calibration, std::vector<std::string
                         "left out by less than {:.0f} %",
                         kept, kMaxTrials, 100 * (1 - kWorth)));
 
-    auto &layer1 = calibration.tables["layer1"], &layer2 = calibration.tables["layer2"];
-    layer1.clear();
-    layer2.clear();
-    for (Eigen::Index j = 0; j < neurons; ++j) {
-        const Eigen::RowVectorXd row = hidden.row(j);
-        layer1.emplace_back(row.data(), row.data() + row.size());
-    }
-    for (Eigen::Index c = 0; c < components; ++c) {
-        const Eigen::RowVectorXd row = network.output.row(c) * unit[std::size_t(c)];
-        layer2.emplace_back(row.data(), row.data() + row.size());
-    }
+    calibration.tables["layer1"] = rows_in(hidden);
+    calibration.tables["layer2"] =
+        rows_in(Eigen::Map<const Eigen::VectorXd>(unit.data(), components).asDiagonal() * network.output);
     if (stated) calibration.parameters = {{"seed", seed}};
 }
 

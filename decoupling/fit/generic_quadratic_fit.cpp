@@ -7,7 +7,7 @@
 #include <array>
 #include <cmath>
 
-#include "decoupling/fit/held_out_ridge.hpp"
+#include "decoupling/fit/corrections.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {

@@ -7,7 +7,7 @@
 #include <limits>
 #include <random>
 
-#include "decoupling/fit/held_out_ridge.hpp"
+#include "decoupling/fit/corrections.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -175,12 +175,7 @@ void fit_rbf(const Rows& rows, Calibration& calibration, std::vector<std::string
         warnings.push_back(fmt::format(
             "method rbf keeps method matrix for {}: no correction lowers the error on the rows left out by more than chance",
             kept));
-    auto& table = calibration.tables["centres"];
-    table.clear();
-    for (Eigen::Index j = 0; j < centres.rows(); ++j) {
-        const Eigen::RowVectorXd centre = centres.row(j);
-        table.emplace_back(centre.data(), centre.data() + centre.size());
-    }
+    calibration.tables["centres"] = rows_in(centres);
 }
 
 const FitEntry entry{.model = "generic", .method = "rbf", .fit = fit_rbf, .adds_to = "matrix", .takes_zero_drift = true};

@@ -1,4 +1,4 @@
-#include "decoupling/fit/held_out_ridge.hpp"
+#include "decoupling/fit/corrections.hpp"
 
 #include <algorithm>
 #include <cmath>

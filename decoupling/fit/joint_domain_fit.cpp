@@ -1,10 +1,10 @@
-#include "decoupling/fit/joint_domain_fit.hpp"
+#include "decoupling/fit/domain_fit.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <set>
 
-#include "decoupling/fit/curved_domain_fit.hpp"
+#include "decoupling/fit/labels.hpp"
 #include "decoupling/joint_domain.hpp"
 #include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
@@ -20,8 +20,7 @@ constexpr double kFloor = 1e-4;
 // Returns the change of each channel with each labelled component, times the component's full scale, one row per
 // component. Least squares over the rows with all labels.
 Eigen::MatrixXd responses(const Rows& rows, const Eigen::MatrixXd& channel, const Calibration& calibration) {
-    std::vector<std::size_t> component;
-    for (const auto& name : calibration.components) component.push_back(component_index(name));
+    const std::vector<std::size_t> component = component_indices(calibration.components);
     std::vector<Eigen::Index> whole;
     for (std::size_t i = 0; i < rows.size(); ++i)
         if (std::all_of(component.begin(), component.end(),
@@ -48,9 +47,7 @@ Eigen::MatrixXd responses(const Rows& rows, const Eigen::MatrixXd& channel, cons
 // Returns the domain without its limit.
 JointDomain domain_of(const Rows& rows, const std::vector<double>& zero_sd, const Calibration& calibration) {
     const auto n = Eigen::Index(calibration.channels.size());
-    Eigen::MatrixXd channel(Eigen::Index(rows.size()), n);
-    for (Eigen::Index i = 0; i < channel.rows(); ++i)
-        for (Eigen::Index k = 0; k < n; ++k) channel(i, k) = rows[std::size_t(i)]->channel[std::size_t(k)];
+    Eigen::MatrixXd channel = channels_of(rows);
     Eigen::RowVectorXd unit = (channel.colwise().maxCoeff() - channel.colwise().minCoeff()) / 4;
     unit = (unit.array() > 0).select(unit, 1.0);
     channel = (channel.array().rowwise() / unit.array()).matrix();
@@ -77,11 +74,10 @@ JointDomain domain_of(const Rows& rows, const std::vector<double>& zero_sd, cons
 }  // namespace
 
 std::vector<double> zeros_of(const Rows& rows, const Calibration& calibration) {
+    const Eigen::MatrixXd channel = channels_of(rows);
     std::vector<double> sd(calibration.channels.size());
     for (std::size_t k = 0; k < sd.size(); ++k) {
-        const auto [least, most] = std::minmax_element(
-            rows.begin(), rows.end(), [k](const auto* a, const auto* b) { return a->channel[k] < b->channel[k]; });
-        const double width = (*most)->channel[k] - (*least)->channel[k];
+        const double width = channel.col(Eigen::Index(k)).maxCoeff() - channel.col(Eigen::Index(k)).minCoeff();
         const double beyond = calibration.channel_most[k] - calibration.channel_least[k] - width;
         sd[k] = std::hypot(std::max(0.0, beyond) / 2, calibration.zero_drift.empty() ? 0.0 : calibration.zero_drift[k]);
     }

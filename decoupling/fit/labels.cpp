@@ -112,6 +112,43 @@ bool has_label(const LabelledRow& row) {
     return std::any_of(row.wrench_S.begin(), row.wrench_S.end(), [](double value) { return std::isfinite(value); });
 }
 
+bool is_same_label(const Wrench& a, const Wrench& b) {
+    for (std::size_t c = 0; c < a.size(); ++c)
+        if (a[c] != b[c] && !(std::isnan(a[c]) && std::isnan(b[c]))) return false;
+    return true;
+}
+
+Rows rows_with(const Rows& rows, const std::vector<std::size_t>& components) {
+    Rows whole;
+    for (const auto* row : rows)
+        if (std::all_of(components.begin(), components.end(),
+                        [&](std::size_t c) { return std::isfinite(row->wrench_S[c]); }))
+            whole.push_back(row);
+    return whole;
+}
+
+std::vector<std::size_t> component_indices(const std::vector<std::string>& names) {
+    std::vector<std::size_t> indices;
+    for (const auto& name : names) indices.push_back(component_index(name));
+    return indices;
+}
+
+Eigen::MatrixXd channels_of(const Rows& rows) {
+    const auto n = Eigen::Index(rows.front()->channel.size());
+    Eigen::MatrixXd channels(Eigen::Index(rows.size()), n);
+    for (std::size_t i = 0; i < rows.size(); ++i)
+        channels.row(Eigen::Index(i)) = Eigen::Map<const Eigen::RowVectorXd>(rows[i]->channel.data(), n);
+    return channels;
+}
+
+Eigen::MatrixXd labels_of(const Rows& rows, const std::vector<std::size_t>& components) {
+    Eigen::MatrixXd labels(Eigen::Index(rows.size()), Eigen::Index(components.size()));
+    for (std::size_t i = 0; i < rows.size(); ++i)
+        for (std::size_t c = 0; c < components.size(); ++c)
+            labels(Eigen::Index(i), Eigen::Index(c)) = rows[i]->wrench_S[components[c]];
+    return labels;
+}
+
 Labelled with_useful_channels(const Labelled& labelled, const FitEntry& method, std::vector<std::string>& warnings) {
     std::vector<std::size_t> kept;
     for (std::size_t k = 0; k < labelled.channels.size(); ++k) {
@@ -265,14 +302,9 @@ void check_labels(const Rows& rows, FitReport& report) {
 std::size_t independent_rows(const Rows& rows, std::size_t c) {
     std::size_t n = 0;
     const Wrench* last = nullptr;
-    const auto same = [](const Wrench& a, const Wrench& b) {
-        for (std::size_t i = 0; i < a.size(); ++i)
-            if (a[i] != b[i] && !(std::isnan(a[i]) && std::isnan(b[i]))) return false;
-        return true;
-    };
     for (const auto* row : rows) {
         if (std::isnan(row->wrench_S[c])) continue;
-        n += last == nullptr || !same(*last, row->wrench_S) ? 1 : 0;
+        n += last == nullptr || !is_same_label(*last, row->wrench_S) ? 1 : 0;
         last = &row->wrench_S;
     }
     return n;

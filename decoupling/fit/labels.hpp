@@ -8,6 +8,17 @@
 namespace tactiled {
 
 bool has_label(const LabelledRow& row);
+// Returns true if both have the same labels, or none, of each component.
+bool is_same_label(const Wrench& a, const Wrench& b);
+
+// Returns the rows that have a label of every one of `components`, which are indices in a wrench.
+Rows rows_with(const Rows& rows, const std::vector<std::size_t>& components);
+// Returns the indices of components in a wrench.
+std::vector<std::size_t> component_indices(const std::vector<std::string>& names);
+
+// Return the channels, and the labels of `components`, of at least one row; one row of the matrix for each.
+Eigen::MatrixXd channels_of(const Rows& rows);
+Eigen::MatrixXd labels_of(const Rows& rows, const std::vector<std::size_t>& components);
 
 // Returns the largest magnitude of each component's labels; 0 without a label.
 Wrench full_scales(const Rows& rows);

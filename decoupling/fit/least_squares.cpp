@@ -1,6 +1,8 @@
 #include "decoupling/fit/least_squares.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace tactiled {
 namespace {
@@ -53,6 +55,24 @@ Affine affine_fit(const Eigen::MatrixXd& x, const Eigen::VectorXd& y) {
     result.slope = least_squares(x.rowwise() - result.centre, y.array() - y_mean);
     if (result.slope.dependent.empty()) result.constant = y_mean - result.centre.dot(result.slope.coefficient);
     return result;
+}
+
+double median(std::vector<double> values) {
+    if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+    const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+double quantile(std::vector<double> values, double share) {
+    const auto at = values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
+    std::nth_element(values.begin(), at, values.end());
+    return *at;
+}
+
+double robust_sd(const Eigen::VectorXd& errors) {
+    const Eigen::VectorXd sizes = errors.cwiseAbs();
+    return kRobustSd * median({sizes.begin(), sizes.end()});
 }
 
 }  // namespace tactiled

@@ -1,4 +1,5 @@
-// Scaled least squares that reports unknowns that the data do not determine.
+// Scaled least squares that reports unknowns that the data do not determine, and the parts of fits in which rows far from
+// the rest lose their weight.
 #pragma once
 #include <cstddef>
 #include <stdexcept>
@@ -30,5 +31,16 @@ struct Affine {
     double constant = 0;
 };
 Affine affine_fit(const Eigen::MatrixXd& x, const Eigen::VectorXd& y);
+
+inline constexpr double kRobustSd = 1.4826;  // median of |error| to standard deviation, for normal errors
+// Scale of Cauchy's loss in robust standard deviations. The first keeps 95 % of least squares' efficiency on normal errors;
+// with the second, mainly spikes lose weight.
+inline constexpr double kCauchyEfficient = 2.385, kCauchyOfSpikes = 4;
+
+// Returns the median of the values, NaN for no values; the quantile at a share of 0 .. 1 of at least one value; and the
+// standard deviation of normal errors with the median magnitude of `errors`. setup
+double median(std::vector<double> values);
+double quantile(std::vector<double> values, double share);
+double robust_sd(const Eigen::VectorXd& errors);
 
 }  // namespace tactiled

@@ -1,4 +1,4 @@
-#include "decoupling/fit/leave_out.hpp"
+#include "decoupling/fit/outliers.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,7 @@
 #include <set>
 
 #include "decoupling/fit/labels.hpp"
-#include "decoupling/fit/suspect_loads.hpp"
+#include "decoupling/fit/validate.hpp"
 
 namespace tactiled {
 namespace {

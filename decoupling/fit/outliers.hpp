@@ -1,4 +1,5 @@
-// Finds labels that cannot be right: two that were swapped, one that was mistyped, a load that moved.
+// Finds labels that cannot be right: two that were swapped, one that was mistyped, a load that moved. Decides which of
+// them the fit omits.
 #pragma once
 #include <functional>
 
@@ -30,5 +31,12 @@ double median_error(const Calibration& calibration, const Rows& rows);
 
 // Adds the result to the report's suspects and warnings.
 void report_suspects(const Labelled& labelled, const LabelsJudged& judged, FitReport& report);
+
+// Fits without each held-out part, with and without the suspected rows that `judged` leaves out, and compares the errors on
+// all rows. Labels of a component whose error is not lower without these rows are used; the others become NaN in `labelled`,
+// and rows without a label leave `rows`. Updates the suspects and the calibration. Without a validation `judged` is adopted.
+// setup: throws what `refit` throws
+void leave_out(Labelled& labelled, Rows& rows, const FitEntry& method, const ZeroDrift& drift, const Refit& refit,
+               LabelsJudged& judged);
 
 }  // namespace tactiled

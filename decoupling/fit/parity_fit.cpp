@@ -1,4 +1,5 @@
-#include "decoupling/fit/parity_fit.hpp"
+#include "decoupling/fit/domain_fit.hpp"
+#include "decoupling/fit/labels.hpp"
 
 #include <fmt/format.h>
 
@@ -7,7 +8,6 @@
 #include <set>
 
 #include "decoupling/fit/groups.hpp"
-#include "decoupling/fit/joint_domain_fit.hpp"
 #include "decoupling/parity.hpp"
 #include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
@@ -80,9 +80,7 @@ double size_of(const Eigen::VectorXd& residual, const std::vector<std::size_t>& 
             squares += residual[i] * residual[i];
         }
     if (sizes.empty()) return kNaN;
-    const auto at = sizes.begin() + std::ptrdiff_t(kTail * double(sizes.size() - 1));
-    std::nth_element(sizes.begin(), at, sizes.end());
-    return std::max(std::sqrt(squares / double(sizes.size())), *at / kTail_sd);
+    return std::max(std::sqrt(squares / double(sizes.size())), quantile(sizes, kTail) / kTail_sd);
 }
 
 struct HeldOutParity {
@@ -96,9 +94,7 @@ HeldOutParity fit_order(const Rows& rows, const std::vector<std::size_t>& group_
                         Parity parity) {
     const std::size_t n = calibration.channels.size();
     const Eigen::MatrixXd features = features_of(rows, parity);
-    Eigen::MatrixXd channel(features.rows(), Eigen::Index(n));
-    for (Eigen::Index i = 0; i < channel.rows(); ++i)
-        for (std::size_t k = 0; k < n; ++k) channel(i, Eigen::Index(k)) = rows[std::size_t(i)]->channel[k];
+    const Eigen::MatrixXd channel = channels_of(rows);
     const std::set<std::size_t> groups(group_of_row.begin(), group_of_row.end());
     Eigen::MatrixXd residual = Eigen::MatrixXd::Constant(channel.rows(), channel.cols(), kNaN);
     for (const std::size_t group : groups) {
@@ -182,11 +178,11 @@ void set_parity(const Rows& rows, const std::vector<std::size_t>& group_of_row, 
     if (n < 2 || rows.empty()) return;
     const std::size_t loads = loads_of(rows).back() + 1;
     Parity parity;
-    for (std::size_t k = 0; k < n; ++k) {
-        const auto [least, most] = std::minmax_element(
-            rows.begin(), rows.end(), [k](const auto* a, const auto* b) { return a->channel[k] < b->channel[k]; });
-        parity.centre.push_back(((*least)->channel[k] + (*most)->channel[k]) / 2);
-        parity.scale.push_back(((*most)->channel[k] - (*least)->channel[k]) / 2);
+    const Eigen::MatrixXd channel = channels_of(rows);
+    for (Eigen::Index k = 0; k < channel.cols(); ++k) {
+        const double least = channel.col(k).minCoeff(), most = channel.col(k).maxCoeff();
+        parity.centre.push_back((least + most) / 2);
+        parity.scale.push_back((most - least) / 2);
         if (!(parity.scale.back() > 0)) return;
     }
     HeldOutParity best;

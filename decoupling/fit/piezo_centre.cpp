@@ -8,7 +8,6 @@
 
 #include "decoupling/capacitive/methods.hpp"
 #include "decoupling/fit/piezo_fit.hpp"
-#include "decoupling/fit/piezo_statistics.hpp"
 #include "decoupling/piezo/parameters.hpp"
 
 namespace tactiled {

@@ -13,7 +13,6 @@
 #include <limits>
 
 #include "decoupling/capacitive/methods.hpp"
-#include "decoupling/fit/piezo_statistics.hpp"
 #include "decoupling/piezo/parameters.hpp"
 
 namespace tactiled {

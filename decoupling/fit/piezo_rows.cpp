@@ -14,11 +14,6 @@ namespace {
 constexpr double kLongestStep = 5;
 constexpr std::size_t kMinRun = 8;  // rows; fewer determine only the film's state at their start
 
-double median(std::vector<double> values) {
-    std::nth_element(values.begin(), values.begin() + std::ptrdiff_t(values.size() / 2), values.end());
-    return values[values.size() / 2];
-}
-
 }  // namespace
 
 std::vector<PiezoRun> piezo_runs(const Rows& rows, std::size_t Vp, std::size_t Cn) {

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "decoupling/fit/labels.hpp"
-#include "decoupling/fit/suspect_loads.hpp"
 #include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
 

@@ -1,4 +1,4 @@
-#include "decoupling/fit/repeats.hpp"
+#include "decoupling/fit/recording_checks.hpp"
 
 #include <algorithm>
 #include <cstdint>
@@ -13,12 +13,7 @@ constexpr std::size_t kHeldRows = 20, kRowsNeeded = 200;
 constexpr int kEndlessRun = 10;
 
 // Returns 0 if there is no interval.
-double median_s(std::vector<std::uint64_t>& intervals_ns) {
-    if (intervals_ns.empty()) return 0;
-    const auto middle = intervals_ns.begin() + std::ptrdiff_t(intervals_ns.size() / 2);
-    std::nth_element(intervals_ns.begin(), middle, intervals_ns.end());
-    return double(*middle) * 1e-9;
-}
+double median_s(const std::vector<double>& intervals_ns) { return intervals_ns.empty() ? 0 : median(intervals_ns) * 1e-9; }
 
 }  // namespace
 
@@ -28,18 +23,19 @@ Repeats repeats_of(const Rows& rows) {
     const std::vector<std::size_t> load = loads_of(rows);
     Repeats repeats{.readings = std::vector<int>(n, 1), .interval_s = 0};
     std::vector<bool> endless(n);
-    std::vector<std::uint64_t> intervals_ns, all_intervals_ns;
+    std::vector<double> intervals_ns, all_intervals_ns;
     std::size_t looked_at = 0;
     const auto follows = [&](std::size_t i) {
         return load[i] == load[i - 1] && rows[i]->session == rows[i - 1]->session && rows[i]->line == rows[i - 1]->line + 1;
     };
     for (std::size_t begin = 0, end; begin < rows.size(); begin = end) {
         for (end = begin + 1; end < rows.size() && follows(end); ++end)
-            if (rows[end]->t_ns > rows[end - 1]->t_ns) all_intervals_ns.push_back(rows[end]->t_ns - rows[end - 1]->t_ns);
+            if (rows[end]->t_ns > rows[end - 1]->t_ns)
+                all_intervals_ns.push_back(double(rows[end]->t_ns - rows[end - 1]->t_ns));
         if (end - begin < kHeldRows) continue;
         looked_at += end - begin;
         for (std::size_t i = begin + 1; i < end; ++i)
-            if (rows[i]->t_ns > rows[i - 1]->t_ns) intervals_ns.push_back(rows[i]->t_ns - rows[i - 1]->t_ns);
+            if (rows[i]->t_ns > rows[i - 1]->t_ns) intervals_ns.push_back(double(rows[i]->t_ns - rows[i - 1]->t_ns));
         for (std::size_t k = 0; k < n; ++k) {
             int run = 1;
             for (std::size_t i = begin + 1; i < end; ++i) {

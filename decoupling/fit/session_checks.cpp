@@ -9,7 +9,6 @@
 #include "decoupling/fit/least_squares.hpp"
 #include "decoupling/fit/recording_checks.hpp"
 #include "decoupling/fit/session_pairs.hpp"
-#include "decoupling/fit/session_verdict.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -36,16 +35,9 @@ struct Data {
 };
 
 Data data_of(const Rows& rows, std::size_t c) {
-    Rows known;
-    for (const auto* row : rows)
-        if (std::isfinite(row->wrench_S[c])) known.push_back(row);
-    const auto n = Eigen::Index(rows.front()->channel.size());
-    Data data{Eigen::MatrixXd(Eigen::Index(known.size()), n), Eigen::VectorXd(Eigen::Index(known.size()))};
-    for (std::size_t i = 0; i < known.size(); ++i) {
-        data.x.row(Eigen::Index(i)) = Eigen::Map<const Eigen::RowVectorXd>(known[i]->channel.data(), n);
-        data.y[Eigen::Index(i)] = known[i]->wrench_S[c];
-    }
-    return data;
+    const Rows known = rows_with(rows, {c});
+    if (known.empty()) return {Eigen::MatrixXd(0, Eigen::Index(rows.front()->channel.size())), {}};
+    return {channels_of(known), labels_of(known, {c})};
 }
 
 double width(const Data& data) { return data.x.col(0).maxCoeff() - data.x.col(0).minCoeff(); }

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/recording_checks.hpp"
 #include "decoupling/solve/dense.hpp"
 
@@ -137,23 +138,12 @@ Turned turned(const SessionMoments& here, const SessionMoments& there) {
     return result;
 }
 
-Rows with_all_labels(const Rows& rows, const std::vector<std::size_t>& components) {
-    Rows known;
-    for (const auto* row : rows)
-        if (std::all_of(components.begin(), components.end(),
-                        [&](std::size_t c) { return std::isfinite(row->wrench_S[c]); }))
-            known.push_back(row);
-    return known;
-}
-
 }  // namespace
 
 bool loads_go_together(const Rows& rows, const std::vector<std::size_t>& components) {
-    const Rows known = with_all_labels(rows, components);
+    const Rows known = rows_with(rows, components);
     if (known.size() < kFewestRows) return false;
-    Eigen::MatrixXd y(Eigen::Index(known.size()), Eigen::Index(components.size()));
-    for (Eigen::Index i = 0; i < y.rows(); ++i)
-        for (Eigen::Index c = 0; c < y.cols(); ++c) y(i, c) = known[std::size_t(i)]->wrench_S[components[std::size_t(c)]];
+    Eigen::MatrixXd y = labels_of(known, components);
     y.rowwise() -= Eigen::RowVectorXd(y.colwise().mean());
     std::vector<Eigen::Index> loaded;
     for (Eigen::Index c = 0; c < y.cols(); ++c)
@@ -166,15 +156,11 @@ bool loads_go_together(const Rows& rows, const std::vector<std::size_t>& compone
 }
 
 std::optional<SessionMoments> moments_of(const Rows& rows, const std::vector<std::size_t>& components) {
-    const Rows known = with_all_labels(rows, components);
+    const Rows known = rows_with(rows, components);
     if (known.size() < kFewestRows || components.empty()) return std::nullopt;
     const auto n = Eigen::Index(known.size()), channels = Eigen::Index(known.front()->channel.size());
     if (n < 3 * (channels + 1)) return std::nullopt;
-    Eigen::MatrixXd x(n, channels), y(n, Eigen::Index(components.size()));
-    for (Eigen::Index i = 0; i < n; ++i) {
-        x.row(i) = Eigen::Map<const Eigen::RowVectorXd>(known[std::size_t(i)]->channel.data(), channels);
-        for (Eigen::Index c = 0; c < y.cols(); ++c) y(i, c) = known[std::size_t(i)]->wrench_S[components[std::size_t(c)]];
-    }
+    Eigen::MatrixXd x = channels_of(known), y = labels_of(known, components);
     for (int twice = 0; twice < 2; ++twice) x.rowwise() -= Eigen::RowVectorXd(x.colwise().mean());
     y.rowwise() -= Eigen::RowVectorXd(y.colwise().mean());
     SessionMoments moments{.xx = x.transpose() * x / double(n),

@@ -1,12 +1,18 @@
-// The straight line of one session compared with the loads of another, by the second moments of both.
+// The straight line of one session compared with the loads of another, by the second moments of both, and the sessions
+// that contradict the others.
 #pragma once
+#include <functional>
 #include <optional>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/solve/dense.hpp"
 
 namespace tactiled {
+
+// ---- session_pairs.cpp ----
 
 // A session in numbers that suffice for straight lines: covariances of its rows that have all labels.
 struct SessionMoments {
@@ -34,5 +40,24 @@ struct Disagreement {
 // opposite, although its other components do. Exchanged: with two channels exchanged back, the lines of both sessions have
 // far smaller errors in the other session, or predict its channels far better.
 std::optional<Disagreement> disagreement(const SessionMoments& one, const SessionMoments& other);
+
+// ---- session_verdict.cpp: the sessions that contradict the others, and their messages ----
+
+// Sessions that contradict each other by one check.
+struct Contradictions {
+    std::vector<std::pair<std::size_t, std::size_t>> pairs;
+    std::vector<std::size_t> compared;            // in order
+    std::vector<std::size_t> odd;                 // sessions in the minority, in order; empty: no minority
+    bool doubtful = false;                        // one of `odd` contradicts no more than half of the others compared
+    std::pair<std::size_t, std::size_t> shown{};  // for the message: the trusted or earlier session, and another
+};
+
+// Compares each session with the next six, cyclically. `contradict` returns nothing where it cannot compare.
+Contradictions contradictions(std::size_t sessions,
+                              const std::function<std::optional<bool>(std::size_t, std::size_t)>& contradict);
+
+// Returns the first part of a message, which names the sessions, and the last part, which states the remedy.
+std::string verdict(const Labelled& labelled, const Contradictions& found);
+std::string advice(const Labelled& labelled, const Contradictions& found);
 
 }  // namespace tactiled

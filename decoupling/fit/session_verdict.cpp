@@ -1,4 +1,4 @@
-#include "decoupling/fit/session_verdict.hpp"
+#include "decoupling/fit/session_pairs.hpp"
 
 #include <fmt/format.h>
 

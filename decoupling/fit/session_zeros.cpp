@@ -1,10 +1,11 @@
-#include "decoupling/fit/session_zeros.hpp"
+#include "decoupling/fit/recording_checks.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/validate.hpp"
 #include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
@@ -35,26 +36,18 @@ Data data_of(const Labelled& labelled, const Rows& rows) {
     for (std::size_t c = 0; c < 6; ++c)
         if (std::any_of(rows.begin(), rows.end(), [&](const auto* row) { return std::isfinite(row->wrench_S[c]); }))
             components.push_back(c);
-    Rows whole;
-    for (const auto* row : rows)
-        if (std::all_of(components.begin(), components.end(),
-                        [&](std::size_t c) { return std::isfinite(row->wrench_S[c]); }))
-            whole.push_back(row);
-    data.channel.resize(Eigen::Index(whole.size()), Eigen::Index(labelled.channels.size()));
-    data.label.resize(Eigen::Index(whole.size()), Eigen::Index(components.size()));
-    std::vector<std::size_t> number(labelled.sessions.size(), labelled.sessions.size());
-    for (std::size_t i = 0; i < whole.size(); ++i) {
-        const LabelledRow& row = *whole[i];
-        data.channel.row(Eigen::Index(i)) = Eigen::Map<const Eigen::RowVectorXd>(row.channel.data(), data.channel.cols());
-        for (std::size_t c = 0; c < components.size(); ++c)
-            data.label(Eigen::Index(i), Eigen::Index(c)) = row.wrench_S[components[c]];
-        if (number[row.session] == labelled.sessions.size()) {
-            number[row.session] = data.index.size();
-            data.index.push_back(row.session);
-        }
-        data.session.push_back(number[row.session]);
-    }
+    const Rows whole = rows_with(rows, components);
     if (whole.empty()) return data;
+    data.channel = channels_of(whole);
+    data.label = labels_of(whole, components);
+    std::vector<std::size_t> number(labelled.sessions.size(), labelled.sessions.size());
+    for (const auto* row : whole) {
+        if (number[row->session] == labelled.sessions.size()) {
+            number[row->session] = data.index.size();
+            data.index.push_back(row->session);
+        }
+        data.session.push_back(number[row->session]);
+    }
     data.full_scale = data.label.cwiseAbs().colwise().maxCoeff();
     data.width = data.channel.colwise().maxCoeff() - data.channel.colwise().minCoeff();
     return data;
@@ -114,9 +107,7 @@ Zeros zeros_of(const Data& data) {
             size.push_back((at_rest.row(i) - zeros.of_session.row(Eigen::Index(data.session[std::size_t(i)])))
                                .cwiseQuotient(data.width)
                                .norm());
-        std::vector<double> sorted = size;
-        std::nth_element(sorted.begin(), sorted.begin() + std::ptrdiff_t(sorted.size() / 2), sorted.end());
-        const double limit = kFarOff * sorted[sorted.size() / 2];
+        const double limit = kFarOff * median(size);
         for (std::size_t i = 0; i < size.size(); ++i) zeros.agrees[i] = size[i] <= limit;
     }
     return zeros;

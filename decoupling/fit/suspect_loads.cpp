@@ -5,7 +5,8 @@
 #include <numeric>
 #include <utility>
 
-#include "decoupling/fit/robust.hpp"
+#include "decoupling/fit/labels.hpp"
+#include "decoupling/fit/least_squares.hpp"
 #include "decoupling/solve/dense.hpp"
 
 namespace tactiled {
@@ -163,32 +164,15 @@ Wrench error_nearby(const std::vector<Load>& loads, std::size_t of, const std::v
 
 }  // namespace
 
-double median(std::vector<double> values) {
-    if (values.empty()) return kNaN;
-    const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
-
-double quantile(std::vector<double> values, double share) {
-    const auto at = values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
-    std::nth_element(values.begin(), at, values.end());
-    return *at;
-}
-
 std::vector<Load> loads_of_same_label(const Rows& rows) {
     std::vector<Load> loads;
-    const auto same = [](const Wrench& a, const Wrench& b) {
-        for (std::size_t c = 0; c < a.size(); ++c)
-            if (a[c] != b[c] && !(std::isnan(a[c]) && std::isnan(b[c]))) return false;
-        return true;
-    };
     Rows by_time = rows;
     std::stable_sort(by_time.begin(), by_time.end(), [](const LabelledRow* a, const LabelledRow* b) {
         return a->session != b->session ? a->session < b->session : a->t_ns < b->t_ns;
     });
     for (const auto* row : by_time) {
-        if (loads.empty() || loads.back().rows.front()->session != row->session || !same(loads.back().label, row->wrench_S))
+        if (loads.empty() || loads.back().rows.front()->session != row->session ||
+            !is_same_label(loads.back().label, row->wrench_S))
             loads.push_back({.rows = {}, .label = row->wrench_S, .error = {}, .estimate = {}, .channel = {}});
         loads.back().rows.push_back(row);
     }

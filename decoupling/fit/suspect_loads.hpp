@@ -33,8 +33,4 @@ struct Found {
 Found suspects_of(const std::vector<Load>& loads, const std::vector<std::size_t>& components, const Wrench& full_scale,
                   const Wrench& relevant);
 
-// Returns the median of the values, or the quantile at a share of 0 .. 1; NaN for no values. setup
-double median(std::vector<double> values);
-double quantile(std::vector<double> values, double share);
-
 }  // namespace tactiled

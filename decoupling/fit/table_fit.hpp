@@ -12,9 +12,6 @@ inline constexpr const char* kGaugeUnit = "dR/R0";
 // Undetermined
 void fit_table_linear(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 
-// Returns the rows that have a label of every one of `components`.
-Rows rows_with(const Rows& rows, const std::vector<std::string>& components);
-
 // Returns the decoupler that the loop makes of the calibration. setup: throws Undetermined where there is none
 std::unique_ptr<Decoupler> decoupler_of_fit(const Calibration& calibration, std::string_view method);
 

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/table_fit.hpp"
 #include "decoupling/table/sign_table.hpp"
 
@@ -57,9 +58,7 @@ Gains fit_ring(const Rows& rows, const std::vector<Gauge>& gauges, const char* r
 void fit_table_linear(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
     if (calibration.components != std::vector<std::string>{"fx", "fy", "fz"})
         throw Undetermined("model \"table\" needs the labels fx_N, fy_N and fz_N, and no others");
-    Rows whole;
-    for (const auto* row : rows)
-        if (std::isfinite(row->wrench_S[0] + row->wrench_S[1] + row->wrench_S[2])) whole.push_back(row);
+    const Rows whole = rows_with(rows, {0, 1, 2});
     if (whole.size() < 3) throw Undetermined("fewer than 3 rows have fx_N, fy_N and fz_N together");
     std::vector<Gauge> inner, outer;
     for (std::size_t k = 0; k < calibration.channels.size(); ++k) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/table_fit.hpp"
 #include "decoupling/solve/consistency.hpp"
 #include "decoupling/solve/domain.hpp"
@@ -45,10 +46,7 @@ double unexplained_variance(const std::vector<Loaded>& loaded, const std::vector
         left.push_back((off - a * solved.coefficient).squaredNorm() / double(n - 5) -
                        std::pow(kGainError, 2) * y.squaredNorm() / double(n));
     }
-    if (left.empty()) return 0;
-    const auto middle = left.begin() + std::ptrdiff_t(left.size() / 2);
-    std::nth_element(left.begin(), middle, left.end());
-    return std::max(0.0, *middle);
+    return left.empty() ? 0 : std::max(0.0, median(std::move(left)));
 }
 
 void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
@@ -70,8 +68,9 @@ void fit_table_map(const Rows& rows, Calibration& calibration, std::vector<std::
     std::vector<Loaded> loaded;
     int beside = 0;
     double max = 0;
-    for (const auto* row : rows_with(rows, all)) max = std::max(max, std::abs(row->wrench_S[2]));
-    for (const auto* row : rows_with(rows, all)) {
+    const Rows whole = rows_with(rows, component_indices(all));
+    for (const auto* row : whole) max = std::max(max, std::abs(row->wrench_S[2]));
+    for (const auto* row : whole) {
         const auto& w = row->wrench_S;
         const Eigen::Vector3d force(w[0], w[1], w[2]);
         Influence answer = Influence::Zero();

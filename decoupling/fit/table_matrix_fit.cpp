@@ -6,21 +6,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/table_fit.hpp"
 #include "decoupling/method.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
-
-Rows rows_with(const Rows& rows, const std::vector<std::string>& components) {
-    Rows whole;
-    for (const auto* row : rows) {
-        bool all = true;
-        for (const auto& name : components) all = all && std::isfinite(row->wrench_S[component_index(name)]);
-        if (all) whole.push_back(row);
-    }
-    return whole;
-}
 
 std::unique_ptr<Decoupler> decoupler_of_fit(const Calibration& calibration, std::string_view method) {
     std::string fault;
@@ -34,13 +25,11 @@ namespace {
 void fit_table_matrix(const Rows& rows, Calibration& calibration, std::vector<std::string>&) {
     for (const auto& name : calibration.components)
         if (name == "mz") throw Undetermined("the gauges of a table sensor do not measure mz: leave the column mz_Nm out");
-    const Rows whole = rows_with(rows, calibration.components);
+    const std::vector<std::size_t> components = component_indices(calibration.components);
+    const Rows whole = rows_with(rows, components);
     const auto n = Eigen::Index(whole.size()), loads = Eigen::Index(calibration.components.size());
     if (n < 3 * (loads + 1)) throw Undetermined(fmt::format("{} rows have all labels; {} are needed", n, 3 * (loads + 1)));
-    Eigen::MatrixXd x(n, loads);
-    for (Eigen::Index i = 0; i < n; ++i)
-        for (Eigen::Index j = 0; j < loads; ++j)
-            x(i, j) = whole[std::size_t(i)]->wrench_S[component_index(calibration.components[std::size_t(j)])];
+    const Eigen::MatrixXd x = labels_of(whole, components), readings = channels_of(whole);
     auto& forward = calibration.tables["forward"];
     auto& noise = calibration.tables["noise"];
     forward.clear();
@@ -51,8 +40,7 @@ void fit_table_matrix(const Rows& rows, Calibration& calibration, std::vector<st
     calibration.condition = 0;
     double greatest = 0;
     for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
-        Eigen::VectorXd y(n);
-        for (Eigen::Index i = 0; i < n; ++i) y[i] = whole[std::size_t(i)]->channel[k];
+        const Eigen::VectorXd y = readings.col(Eigen::Index(k));
         const Affine fitted = affine_fit(x, y);
         if (!fitted.slope.dependent.empty()) {
             std::vector<std::string> names;

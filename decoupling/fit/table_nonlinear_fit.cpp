@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/table_fit.hpp"
 #include "decoupling/solve/monotone_curve.hpp"
 #include "decoupling/solve/play_hysteresis.hpp"
@@ -82,7 +83,7 @@ double bent(double load, double max, const Eigen::Vector3d& bend) {
 void fit_table_nonlinear(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings) {
     fit_table_linear(rows, calibration, warnings);
     calibration.tables.clear();
-    const Rows whole = rows_with(rows, calibration.components);
+    const Rows whole = rows_with(rows, component_indices(calibration.components));
     const auto linear = decoupler_of_fit(calibration, "nonlinear");  // still without curve and play operators
     std::array<Track, 3> track;                                      // Fx Fy N
     for (std::size_t i = 0; i < whole.size(); ++i) {

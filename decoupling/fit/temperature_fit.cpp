@@ -1,11 +1,11 @@
-#include "decoupling/fit/temperature_fit.hpp"
+#include "decoupling/fit/recording_checks.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cassert>
 #include <cmath>
 
+#include "decoupling/fit/labels.hpp"
 #include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
 #include "decoupling/temperature.hpp"
@@ -18,22 +18,12 @@ constexpr std::size_t kStretches = 5;
 // A channel whose error falls below this part follows the temperature.
 constexpr double kWorth = 0.9;
 
-// The label of a known component. The assertion shows the bound to the compiler.
-double label_of(const LabelledRow& row, const std::string& component) {
-    const std::size_t c = component_index(component);
-    assert(c < row.wrench_S.size());
-    return row.wrench_S[c];
-}
-
 // 1, the loads, their squares and products; scaled by full scale.
 Eigen::MatrixXd loads_of_rows(const Rows& rows, const Calibration& calibration) {
     const auto m = Eigen::Index(calibration.components.size());
     Eigen::MatrixXd load(Eigen::Index(rows.size()), 1 + m + m * (m + 1) / 2);
-    for (Eigen::Index i = 0; i < load.rows(); ++i) {
-        load(i, 0) = 1;
-        for (Eigen::Index c = 0; c < m; ++c)
-            load(i, 1 + c) = label_of(*rows[std::size_t(i)], calibration.components[std::size_t(c)]);
-    }
+    load.col(0).setOnes();
+    load.middleCols(1, m) = labels_of(rows, component_indices(calibration.components));
     for (Eigen::Index c = 1; c <= m; ++c) {
         const double largest = load.col(c).cwiseAbs().maxCoeff();
         if (largest > 0) load.col(c) /= largest;
@@ -64,12 +54,8 @@ double held_out(const Eigen::MatrixXd& a, const Eigen::VectorXd& b) {
 
 Temperature take_temperature_off(const Rows& all, Labelled& labelled, const Calibration& calibration,
                                  std::vector<std::string>& warnings) {
-    Rows rows;
-    for (const auto* row : all)
-        if (std::isfinite(row->temperature_C) &&
-            std::all_of(calibration.components.begin(), calibration.components.end(),
-                        [&](const std::string& name) { return std::isfinite(label_of(*row, name)); }))
-            rows.push_back(row);
+    Rows rows = rows_with(all, component_indices(calibration.components));
+    std::erase_if(rows, [](const LabelledRow* row) { return !std::isfinite(row->temperature_C); });
     if (rows.empty()) return {};
     const auto [least, most] = std::minmax_element(
         rows.begin(), rows.end(), [](const auto* a, const auto* b) { return a->temperature_C < b->temperature_C; });
@@ -87,10 +73,10 @@ Temperature take_temperature_off(const Rows& all, Labelled& labelled, const Cali
     from_K.array() -= found.reference_C;
     const Eigen::MatrixXd load = loads_of_rows(rows, calibration);
     if (load.rows() < Eigen::Index(kRowsPerCoefficient) * (load.cols() + 2)) return {};
+    const Eigen::MatrixXd readings = channels_of(rows);
     std::size_t followed = 0;
     for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
-        Eigen::VectorXd channel(from_K.size());
-        for (Eigen::Index i = 0; i < channel.size(); ++i) channel[i] = rows[std::size_t(i)]->channel[k];
+        const Eigen::VectorXd channel = readings.col(Eigen::Index(k));
         // The gain multiplies the response to the load, which is found first.
         Eigen::MatrixXd with_zero(load.rows(), load.cols() + 1);
         with_zero << load, from_K;

@@ -19,6 +19,11 @@ double mean_part(const Wrench& error, const FitReport& report) {
     return sum / double(report.components.size());
 }
 
+void widen_sd(Calibration& calibration, std::size_t i, double times) {
+    for (auto* sd : {&calibration.sd, &calibration.sd_slope, &calibration.sd_load, &calibration.sd_unloading})
+        if (!sd->empty()) (*sd)[i] *= times;
+}
+
 // A tare subtracts the zero of a mounting from the force and not from the channels, so a nonlinear method then gives another
 // load. Increases the errors and the standard deviations by that.
 void include_tares(const Rows& rows, const SessionZeros& zeros, Trial& trial) {
@@ -49,8 +54,7 @@ void include_tares(const Rows& rows, const SessionZeros& zeros, Trial& trial) {
         const double times = std::sqrt(1 + squares[c] / (rms * rms));
         if (times > 1.4) wider += fmt::format("{}{} {:.2g}", wider.empty() ? "" : ", ", calibration.components[i], times);
         rms *= times;
-        for (auto* sd : {&calibration.sd, &calibration.sd_slope, &calibration.sd_load, &calibration.sd_unloading})
-            if (!sd->empty()) (*sd)[i] *= times;
+        widen_sd(calibration, i, times);
     }
     if (!wider.empty())
         trial.warnings.push_back(fmt::format(
@@ -78,10 +82,7 @@ void validate_once(const Labelled& labelled, const Rows& rows, const ZeroDrift& 
     for (std::size_t i = 0; i < calibration.sd.size(); ++i) {
         const std::size_t c = component_index(calibration.components[i]);
         if (!(own[c] > trial.validation.rms[c]) || !(trial.validation.rms[c] > 0)) continue;
-        calibration.sd[i] *= own[c] / trial.validation.rms[c];
-        if (!calibration.sd_slope.empty()) calibration.sd_slope[i] *= own[c] / trial.validation.rms[c];
-        if (!calibration.sd_load.empty()) calibration.sd_load[i] *= own[c] / trial.validation.rms[c];
-        if (!calibration.sd_unloading.empty()) calibration.sd_unloading[i] *= own[c] / trial.validation.rms[c];
+        widen_sd(calibration, i, own[c] / trial.validation.rms[c]);
     }
     include_tares(rows, report.zeros, trial);
 }

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "decoupling/fit/groups.hpp"
+#include "decoupling/fit/labels.hpp"
 #include "decoupling/solve/domain.hpp"
 #include "decoupling/unloading.hpp"
 
@@ -269,8 +270,7 @@ std::array<std::array<double, 6>, 6> crosstalk(const std::vector<HeldOut>& rows,
     std::array<std::array<double, 6>, 6> result;
     for (auto& row : result) row.fill(kNaN);
     const auto n = Eigen::Index(calibration.components.size());
-    std::vector<std::size_t> index;
-    for (const auto& name : calibration.components) index.push_back(component_index(name));
+    const std::vector<std::size_t> index = component_indices(calibration.components);
     std::vector<const HeldOut*> whole;
     for (const auto& held_out : rows) {
         bool known = true;

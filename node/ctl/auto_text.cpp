@@ -1,18 +1,13 @@
-#include "node/ctl/auto_text.hpp"
+#include "node/ctl/status_text.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 #include <sstream>
 #include <vector>
 
 namespace tactiled::ctl {
 namespace {
-
-nlohmann::json json_number(float value) {
-    return std::isfinite(value) ? nlohmann::json(double(value)) : nlohmann::json(nullptr);
-}
 
 struct Front {
     std::vector<std::string> methods;  // most accurate first; none if the sensor's method is not "auto"
@@ -57,8 +52,8 @@ nlohmann::json auto_json(const Segment& segment, std::uint32_t index, const tact
     }
     for (std::size_t i = 0; i < front.methods.size(); ++i)
         out["front"].push_back({{"method", front.methods[i]},
-                                {"measured_us", json_number(sensor.method_us[i])},
-                                {"sd_of_full_scale", json_number(sensor.method_error[i])}});
+                                {"measured_us", sensor.method_us[i]},
+                                {"sd_of_full_scale", sensor.method_error[i]}});
     return out;
 }
 

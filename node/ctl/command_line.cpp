@@ -1,21 +1,24 @@
 #include "node/ctl/command_line.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 #include <CLI/CLI.hpp>  // all of CLI11, here alone
 
 #include <algorithm>
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
+#include <filesystem>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <system_error>
 
 #include "config/options.hpp"
 #include "config/text_file.hpp"
-#include "node/ctl/verb_first.hpp"
 #include "node/ctl/verbs.hpp"
 #include "node/version.hpp"
 #include "tactiled/reader.h"
@@ -204,6 +207,68 @@ std::string why_no_verb(const CLI::App& app, char** words) {
     const auto near = nearest_name(word, known);
     return fmt::format("{} is no verb; {}", in_quotes(word),
                        near ? fmt::format("did you mean \"{}\"? {}", *near, help) : help);
+}
+
+// The order of the words on a command line: options may be before or after the verb, and `help` is a verb.
+
+// Shared options that take the next word, so that a node with the name of a verb is not taken for the verb.
+constexpr std::string_view kTakesAWord[] = {"--node",     "--runtime-dir", "--config", "--timeout", "--count",
+                                            "--interval", "--in",          "--out",    "--model",   "--method"};
+char kHelp[] = "--help";
+
+bool is_option(std::string_view word) { return word.size() > 1 && word.front() == '-'; }
+
+bool takes_a_word(std::string_view option) {
+    return std::find(std::begin(kTakesAWord), std::end(kTakesAWord), option) != std::end(kTakesAWord);
+}
+
+// Returns the words with the verb first: "--node X read skin" becomes "read skin --node X", "help read" becomes "read
+// --help", and "help" becomes "--help". argv[0] is kept, a null pointer ends the list, and values stay with their
+// options.
+std::vector<char*> verb_first(char** argv) {
+    std::vector<char*> words;
+    for (; argv != nullptr && *argv != nullptr; ++argv) words.push_back(*argv);
+    std::size_t verb = 1;  // a program may be started without a name
+    while (verb < words.size() && is_option(words[verb])) verb += takes_a_word(words[verb]) ? 2 : 1;
+    if (verb > 1 && verb < words.size() && std::string_view(words[1]) != "--version") {
+        const auto first = words.begin() + 1, at = words.begin() + std::ptrdiff_t(verb);
+        const std::vector<char*> options(first, at);
+        words.erase(first, at);
+        words.insert(words.end(), options.begin(), options.end());
+    }
+    if (words.size() > 1 && std::string_view(words[1]) == "help") {
+        words.erase(words.begin() + 1);
+        words.push_back(kHelp);
+    }
+    words.push_back(nullptr);
+    return words;
+}
+
+// Returns the verb in words that verb_first() has ordered; "" if there is none.
+std::string_view verb_of(const std::vector<char*>& words) {
+    return words.size() > 2 && !is_option(words[1]) ? words[1] : std::string_view();
+}
+
+// Replaces this process by tactilectl-lab, from the same folder; arguments (`words` of verb_first()), environment,
+// open files and signal dispositions are kept. Returns the exit status, with the reason printed, if that program cannot
+// be started.
+int start_laboratory(const std::vector<char*>& words) {
+    const std::string_view word = verb_of(words);
+    std::error_code error;
+    const auto here = std::filesystem::read_symlink("/proc/self/exe", error);
+    if (error) {
+        fmt::print(stderr, "tactilectl: {}: /proc/self/exe: {}\n", word, error.message());
+        return kUnhealthy;
+    }
+    const auto program = here.parent_path() / "tactilectl-lab";
+    ::execv(program.c_str(), words.data());
+    if (errno == ENOENT) {
+        fmt::print(stderr, "tactilectl: {} is in the package tactiled-lab, which is not installed: there is no {}\n", word,
+                   program.native());
+        return kUsage;
+    }
+    fmt::print(stderr, "tactilectl: {}: {}: {}\n", word, program.native(), std::strerror(errno));
+    return kUnhealthy;
 }
 
 }  // namespace

@@ -97,7 +97,7 @@ struct Verb {
     AddVerb add;  // nullptr: a verb of another program, which is only listed
     const char *help, *examples;
 };
-// Does the same for a program of several verbs that users call tactilectl, with the words of verb_first.hpp. A verb
+// Does the same for a program of several verbs that users call tactilectl, with options before or after the verb. A verb
 // without a function is run by the other program. For an unknown verb the error names the most similar one.
 int run_verb(char** argv, std::span<const Verb> verbs);
 

@@ -57,9 +57,9 @@ void look_at_daemon(const std::string& node_name, Findings& found) {
     if (!segment.is_open()) return;
     const Liveness liveness = liveness_of(segment);
     if (!liveness.runs())
-        found.push_back({"daemon", Verdict::wrong, liveness.why, "systemctl restart tactiled, or start it by hand"});
+        found.wrong("daemon", liveness.why, "systemctl restart tactiled, or start it by hand");
     else if (const std::string fault = control_fault(segment); !fault.empty())
-        found.push_back({"control", Verdict::wrong, fault, "the daemon's log has the reason"});
+        found.wrong("control", fault, "the daemon's log has the reason");
 }
 
 Findings examine(const Args& args) {
@@ -69,8 +69,8 @@ Findings examine(const Args& args) {
     Node node = load_node(args.config, problems);
     Config& config = node.config;
     for (const auto& line : problems.lines())
-        found.push_back({"configuration", Verdict::wrong, line, fmt::format("tactilectl check {}", args.config)});
-    if (problems.empty()) found.push_back({"configuration", Verdict::good, args.config, ""});
+        found.wrong("configuration", line, fmt::format("tactilectl check {}", args.config));
+    if (problems.empty()) found.good("configuration", args.config);
 
     const std::string pid = !args.pid.empty() ? args.pid : machine.is_this_one() ? running_daemon(config.node.name) : "";
     const std::string user = args.user.empty() ? user_of(machine, pid) : args.user;
@@ -85,7 +85,7 @@ Findings examine(const Args& args) {
     look_at_identity(node, found);
     if (config.grasp)
         for (const std::string& advice : grasp_advice(*config.grasp))
-            found.push_back({"grasp", Verdict::advice, advice, "decoupling/grasp/README.md has the frames"});
+            found.advice("grasp", advice, "decoupling/grasp/README.md has the frames");
     look_at_safety(node, found);
     look_at_readers(machine, config, found);
     look_at_port(machine, config.modbus, !pid.empty(), found);

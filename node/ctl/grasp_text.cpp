@@ -20,8 +20,6 @@ std::string number(double value, int digits, const char* unit) {
     return std::isfinite(value) ? fmt::format("{:.{}f}{}", value, digits, unit) : "-";
 }
 
-nlohmann::json json_number(double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); }
-
 }  // namespace
 
 const char* grip_state_text(std::uint32_t state) {
@@ -73,15 +71,15 @@ std::string grasp_lines(const Segment& segment, const tactiled_grasp& g) {
 nlohmann::json grasp_json(const Segment& segment, const tactiled_grasp& g) {
     nlohmann::json out{{"state", grip_state_text(g.state)},
                        {"weight_state", weight_state_text(g.weight_state)},
-                       {"weight_kg", json_number(g.weight_kg)},
-                       {"weight_sd_kg", json_number(g.weight_sd_kg)},
+                       {"weight_kg", g.weight_kg},
+                       {"weight_sd_kg", g.weight_sd_kg},
                        {"object_id", g.object_id},
                        {"object", g.object},
-                       {"object_probability", json_number(double(g.object_probability))},
-                       {"grip_N", json_number(double(g.grip_N))},
-                       {"recommended_grip_N", json_number(double(g.recommended_grip_N))},
-                       {"friction", json_number(double(g.friction))},
-                       {"friction_sd", json_number(double(g.friction_sd))},
+                       {"object_probability", g.object_probability},
+                       {"grip_N", g.grip_N},
+                       {"recommended_grip_N", g.recommended_grip_N},
+                       {"friction", g.friction},
+                       {"friction_sd", g.friction_sd},
                        {"grasps", g.grasps},
                        {"slips", g.slips},
                        {"weight_doubts", doubts_text(g.weight_doubts)}};
@@ -90,7 +88,7 @@ nlohmann::json grasp_json(const Segment& segment, const tactiled_grasp& g) {
                                                {"slips", g.slip_count[i]},
                                                {"slip_latched", (g.slip_latch >> i & 1u) != 0},
                                                {"doubtful", (g.doubtful >> i & 1u) != 0},
-                                               {"friction_use", json_number(double(g.friction_use[i]))}};
+                                               {"friction_use", g.friction_use[i]}};
     return out;
 }
 

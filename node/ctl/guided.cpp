@@ -7,7 +7,6 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
-#include <limits>
 #include <sstream>
 #include <thread>
 
@@ -17,7 +16,6 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMoves = 0.01, kMoves_sds = 6;  // between the halves of the time: of the force, and of their noise
 constexpr std::size_t kLeastSamples = 8;
 

@@ -1,4 +1,5 @@
-// tactilectl map: the register map, from the table that the server uses.
+// tactilectl map: the register map, from the table that the server uses, for users and spreadsheets: Markdown, CSV, JSON,
+// manual page. The other files of its name have the text for a PLC.
 #include <fmt/format.h>
 
 #include <memory>
@@ -7,8 +8,242 @@
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/map_text.hpp"
 #include "node/ctl/verb.hpp"
+#include "node/modbus/table.hpp"
 
 namespace tactiled::ctl {
+namespace {
+
+using namespace modbus;
+
+const char* type_text(Type type) {
+    static constexpr const char* kTexts[] = {"u16", "i16", "bits", "mask", "enum", "count", "i32", "f32", "constant"};
+    static_assert(std::size(kTexts) == std::size_t(Type::text) + 1);
+    return kTexts[std::size_t(type)];
+}
+
+unsigned size_of(const Register& r) { return r.type == Type::i32 || r.type == Type::f32 ? 2 : 1; }
+bool is_block(const Area& area) { return area.at != 0 && !area.registers.empty() && area.registers.front().at < area.at; }
+unsigned address_of(const Area& area, const Register& r) { return is_block(area) ? area.at + r.at : r.at; }
+bool is_holding_only(const Area& area) { return area.block == Block::controls || area.block == Block::scratch; }
+
+std::string access_of(const Register& r) {
+    if (!r.is_writable()) return "r";
+    return r.limits.locked ? "rw, locked" : "rw";
+}
+
+// Returns the arguments with which mbpoll shows the register at `address` in its type.
+std::string mbpoll_of(const Area& area, const Register& r) {
+    const char* const type = r.type == Type::f32                            ? "-t 4:float"
+                             : r.type == Type::i32                          ? "-t 4:int"
+                             : r.type == Type::bits || r.type == Type::mask ? "-t 4:hex"
+                                                                            : "-t 4";
+    const bool swap =
+        size_of(r) == 2 && !area.low_word_first && r.name != "CONST_F32_CDAB";  // mbpoll's own order: low word first
+    return fmt::format("mbpoll -m tcp -p 1502 -0 {}{} -r {} -1 127.0.0.1", type, swap ? " -B" : "", address_of(area, r));
+}
+
+std::string names_text(const Area& area, const Register& r, const char* separator) {
+    std::string text;
+    for (const Name& name : names_of(fmt::format("{}.{}", area.prefix, r.name)))
+        text += fmt::format("{}{} {}", text.empty() ? "" : separator, name.value, name.name);
+    return text;
+}
+
+std::string meaning_of(const Area& area, const Register& r, const char* separator) {
+    const std::string names = names_text(area, r, separator);
+    return fmt::format("{}{}{}", r.meaning, !r.meaning.empty() && !names.empty() ? ". " : "", names);
+}
+
+std::string range_of(const Register& r) {
+    if (!r.is_writable() || (r.limits.min == 0 && r.limits.max == 65535)) return "";
+    return fmt::format("{} .. {}{}", r.limits.min, r.limits.max,
+                       r.limits.locked ? ", or 65535 for the configured value" : "");
+}
+
+constexpr const char* kRules[] = {
+    "Addresses are those on the wire, from 0. The manuals of many PLCs add 30001 (FC 4) or 40001 (FC 3): both are given.",
+    "All registers can be read with FC 3 and FC 4, 5000 .. 5227 with FC 3 only. A request outside the areas, or across the "
+    "end of one, returns exception 2. "
+    "Cells without a name inside them read 0.",
+    "i16 is two's complement. Not available: i16 0x8000, u16 and enum 0xFFFF, i32 0x80000000, f32 a quiet NaN. Values "
+    "outside the range saturate at +-32767 or 65534 and set a status bit.",
+    "i32 and f32 have the high word first; the copies of the floats from 3000 on have the low word first. No setting "
+    "changes that.",
+    "A request is answered from one frame: SEQ = SEQ_END. A client that needs two requests compares the SEQ of the first "
+    "with that of the second.",
+    "Any unit identifier is answered over TCP and repeated. RTU: the configured address; 0 writes without an answer.",
+    "Writing needs commands = true in [modbus], and only 5000 .. and the coils can be written (FC 5, 6, 15, 16, 22, 23). "
+    "Exceptions: "
+    "2 read-only, locked or not allowed; 3 a value out of range, or a mask that names no sensor; 4 not possible now; 6 a "
+    "tare or a SAVE "
+    "runs. With an exception nothing is written.",
+    "FC 43 / 14 gives vendor, product, version and the node's name. FC 17 gives the server id 0x54, a run indicator that is "
+    "0xFF while "
+    "the pipeline runs, and the version. FC 8 returns query data.",
+};
+
+std::string title_of(const Area& area) {
+    std::string title = fmt::format("{} .. {}: {}", area.at, area.at + area.size - 1, area.title);
+    if (area.repeats != 0)
+        title += fmt::format(": {} + {}n, n = 0 .. {}", area.at, area.repeats == 1 ? "" : fmt::format("{} ", area.repeats),
+                             area.size / area.repeats - 1);
+    return title;
+}
+
+std::string escaped(std::string text, char special) {
+    for (std::size_t i = 0; (i = text.find(special, i)) != std::string::npos; i += 2) text.insert(i, 1, special);
+    return text;
+}
+
+// Calls `each` with (title, run, whether it may be written) for coils and inputs.
+template <class Each>
+void each_bits(Each&& each) {
+    for (const Bits& run : coils()) each("coil", run, true);
+    for (const Bits& run : discrete_inputs()) each("discrete input", run, false);
+}
+
+std::string map_markdown() {
+    std::string out =
+        fmt::format("# tactiled register map {}.{}\n\nPrinted by `tactilectl map`, from the table that the server uses.\n\n",
+                    kMapMajor, kMapMinor);
+    for (const char* rule : kRules) out += fmt::format("* {}\n", rule);
+    for (const Area& area : areas()) {
+        out += fmt::format("\n## {}\n\n", title_of(area));
+        if (area.low_word_first) {  // the same cells with the other word order
+            out +=
+                fmt::format("The registers are those from {} on, each f32 with its low word first.\n", area.at - kSwapped);
+            continue;
+        }
+        if (area.registers.empty()) {
+            out += "These registers exist with `scratch = true`. They start at 0 and keep the written values.\n";
+            continue;
+        }
+        const bool writable = area.block == Block::controls;
+        out += writable ? "| address | 4xxxx | name | type | unit | access | range | meaning |\n|--|--|--|--|--|--|--|--|\n"
+               : is_block(area) ? "| + | first | 3xxxx / 4xxxx | name | type | unit | meaning |\n|--|--|--|--|--|--|--|\n"
+                                : "| address | 3xxxx / 4xxxx | name | type | unit | meaning |\n|--|--|--|--|--|--|\n";
+        for (const Register& r : area.registers) {
+            const unsigned at = address_of(area, r);
+            const std::string meaning = meaning_of(area, r, " · ");
+            if (writable) {
+                out += fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} |\n", at, 40001 + at, r.name, type_text(r.type),
+                                   r.unit.text, access_of(r), range_of(r), meaning);
+                continue;
+            }
+            if (is_block(area)) out += fmt::format("| {} ", r.at);
+            out += fmt::format("| {} | {} / {} | {} | {} | {} | {} |\n", at, 30001 + at, 40001 + at, r.name,
+                               type_text(r.type), r.unit.text, meaning);
+        }
+    }
+    out +=
+        "\n## Coils (FC 1, 5, 15) and discrete inputs (FC 2)\n\n| | address | number | name | meaning |\n|--|--|--|--|--|\n";
+    each_bits([&](const char* kind, const Bits& run, bool coil) {
+        const std::string last = run.count > 1 ? fmt::format(" .. {}", run.at + run.count - 1) : "";
+        out += fmt::format("| {} | {}{} | {} | {} | {} |\n", kind, run.at, last, (coil ? 1u : 10001u) + run.at, run.name,
+                           run.meaning);
+    });
+    out += "\n## From a shell\n\n```\n";
+    for (const Area& area : areas())
+        for (const Register& r : area.registers)
+            if (r.name == "HEARTBEAT" || (r.name == "FZ" && !is_holding_only(area)) || r.name == "CONST_U16")
+                out += fmt::format("{:<70} # {} {}\n", mbpoll_of(area, r), area.title, r.name);
+    return out + "```\n";
+}
+
+std::string map_csv() {
+    std::string out =
+        "kind,address,number_3xxxx,number_4xxxx,registers,sensor,name,type,unit,access,least,most,meaning,mbpoll\n";
+    const auto quoted = [](const std::string& text) { return '"' + escaped(text, '"') + '"'; };
+    for (const Area& area : areas())
+        for (unsigned n = 0; n < (area.repeats != 0 ? area.size / area.repeats : 1u); ++n)
+            for (const Register& plain : area.registers) {
+                Register r = plain;
+                r.at = std::uint16_t(r.at + n * area.repeats);
+                const unsigned at = address_of(area, r);
+                const bool writable = r.is_writable();
+                out += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", area.prefix, at,
+                                   is_holding_only(area) ? "" : std::to_string(30001 + at), 40001 + at, size_of(r),
+                                   area.repeats != 0 ? std::to_string(n) : "", r.name, type_text(r.type), r.unit.text,
+                                   quoted(access_of(r)), writable ? std::to_string(r.limits.min) : "",
+                                   writable ? std::to_string(r.limits.max) : "", quoted(meaning_of(area, plain, "; ")),
+                                   quoted(mbpoll_of(area, r)));
+            }
+    each_bits([&](const char* kind, const Bits& run, bool coil) {
+        for (unsigned i = 0; i < run.count; ++i)
+            out += fmt::format("{},{},,,1,{},{},bit,,{},,,{},\"mbpoll -m tcp -p 1502 -0 -t {} -r {} -1 127.0.0.1\"\n", kind,
+                               run.at + i, run.count > 1 ? std::to_string(i) : "", run.name, coil ? "rw" : "r",
+                               quoted(std::string(run.meaning)), coil ? 0 : 1, run.at + i);
+    });
+    return out;
+}
+
+std::string map_json() {
+    nlohmann::ordered_json rows = nlohmann::ordered_json::array();
+    for (const Area& area : areas())
+        for (const Register& r : area.registers) {
+            nlohmann::ordered_json row{{"area", area.prefix},
+                                       {"address", address_of(area, r)},
+                                       {"repeats_every", area.repeats},
+                                       {"registers", size_of(r)},
+                                       {"name", r.name},
+                                       {"type", type_text(r.type)},
+                                       {"unit", r.unit.text},
+                                       {"access", access_of(r)},
+                                       {"low_word_first", area.low_word_first}};
+            if (r.is_writable()) row["least"] = r.limits.min, row["most"] = r.limits.max;
+            row["meaning"] = r.meaning;
+            for (const Name& name : names_of(fmt::format("{}.{}", area.prefix, r.name)))
+                row["values"][std::to_string(name.value)] = name.name;
+            rows.push_back(std::move(row));
+        }
+    each_bits([&](const char* kind, const Bits& run, bool coil) {
+        rows.push_back({{"area", kind},
+                        {"address", run.at},
+                        {"count", run.count},
+                        {"name", run.name},
+                        {"access", coil ? "rw" : "r"},
+                        {"meaning", run.meaning}});
+    });
+    const nlohmann::ordered_json map{
+        {"schema", 1}, {"map", fmt::format("{}.{}", kMapMajor, kMapMinor)}, {"rows", std::move(rows)}};
+    return map.dump(2) + "\n";
+}
+
+std::string map_manual_page() {
+    std::string out = fmt::format(
+        ".TH TACTILED-REGISTERS 7 \"\" \"tactiled {}\" \"Register map {}.{}\"\n.SH NAME\ntactiled-registers \\- the "
+        "Modbus register map of tactiled\n.SH DESCRIPTION\n",
+        TACTILED_VERSION, kMapMajor, kMapMinor);
+    // roff interprets a backslash, and a dot or an apostrophe at the start of a line
+    const auto safe = [](const std::string& plain) {
+        const std::string text = escaped(plain, '\\');
+        return text.empty() || (text[0] != '.' && text[0] != '\'') ? text : "\\&" + text;
+    };
+    for (const char* rule : kRules) out += fmt::format(".IP \\(bu 2\n{}\n", safe(rule));
+    for (const Area& area : areas()) {
+        out += fmt::format(".SH \"{}\"\n", safe(title_of(area)));
+        if (area.low_word_first)
+            out +=
+                fmt::format("The registers are those from {} on, each f32 with its low word first.\n", area.at - kSwapped);
+        for (const Register& r : area.registers) {
+            if (area.low_word_first) break;
+            out += fmt::format(".TP 8\n{}{}\n.B {}\n{}", is_block(area) ? "+" : "", r.at, safe(std::string(r.name)),
+                               type_text(r.type));
+            if (!r.unit.text.empty()) out += fmt::format(", {}", r.unit.text);
+            if (r.is_writable()) out += ", " + access_of(r);
+            if (const std::string range = range_of(r); !range.empty()) out += ", " + range;
+            const std::string meaning = meaning_of(area, r, "; ");
+            out += meaning.empty() ? "\n" : fmt::format(". {}\n", safe(meaning));
+        }
+    }
+    out += ".SH COILS AND DISCRETE INPUTS\n";
+    each_bits([&](const char* kind, const Bits& run, bool) {
+        out += fmt::format(".TP 8\n{} {}\n.B {}\n{}\n", kind, run.at, run.name, safe(std::string(run.meaning)));
+    });
+    return out + ".SH SEE ALSO\n.BR tactilectl (1)\n";
+}
+
+}  // namespace
 
 Run add_map(Command verb) {
     struct Args {

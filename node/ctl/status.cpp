@@ -7,12 +7,10 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
-#include "node/ctl/auto_text.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/grasp_text.hpp"
 #include "node/ctl/liveness.hpp"
 #include "node/ctl/status_text.hpp"
-#include "node/ctl/tool_text.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/modbus/table.hpp"
 #include "tactiled/reader.hpp"
@@ -20,16 +18,10 @@
 namespace tactiled::ctl {
 namespace {
 
-std::string number(double value, int width, int digits) {
-    return std::isfinite(value) ? fmt::format("{:{}.{}f}", value, width, digits) : fmt::format("{:>{}}", "-", width);
-}
-
-nlohmann::json json_number(double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); }
-
 nlohmann::json lateness_json(const Lateness& counts) {
     nlohmann::json out;
     for (const auto& [name, q] : {std::pair{"p50", 0.5}, {"p99", 0.99}, {"p99.9", 0.999}, {"worst", 1.0}})
-        out[name] = json_number(lateness_quantile_ns(counts, q) / 1000);
+        out[name] = lateness_quantile_ns(counts, q) / 1000;
     return out;
 }
 
@@ -151,6 +143,10 @@ int status(const Args& args) {
 
 }  // namespace
 
+std::string number(double value, int width, int digits) {
+    return std::isfinite(value) ? fmt::format("{:{}.{}f}", value, width, digits) : fmt::format("{:>{}}", "-", width);
+}
+
 double age_ms(const tactiled_sample& s, std::uint64_t now_ns) {
     return now_ns > s.t_ns ? double(now_ns - s.t_ns) / 1e6 : 0.0;
 }
@@ -212,15 +208,14 @@ nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot) {
                               {"quality", quality_text(s.quality, s.reasons)},
                               {"age_ms", age_ms(s, snapshot.taken_ns)},
                               {"freshness", freshness_of(segment, i)},
-                              {"age_bound_ms", json_number(age_bound_ms(segment, i))},
-                              {"rate_Hz", json_number(double(s.rate_Hz))},
+                              {"age_bound_ms", age_bound_ms(segment, i)},
+                              {"rate_Hz", s.rate_Hz},
+                              {"force_S_N", s.force_S_N},
+                              {"torque_S_Nm", s.torque_S_Nm},
+                              {"sd_force_N", s.sd_force_N},
+                              {"raw_force_S_N", s.raw_force_S_N},
                               {"lost", s.lost},
                               {"tare_count", s.tare_count}};
-        for (const auto& [key, values] : {std::pair{"force_S_N", s.force_S_N},
-                                          {"torque_S_Nm", s.torque_S_Nm},
-                                          {"sd_force_N", s.sd_force_N},
-                                          {"raw_force_S_N", s.raw_force_S_N}})
-            sensor[key] = {json_number(values[0]), json_number(values[1]), json_number(values[2])};
         for (unsigned bit = 0; bit < kReasonWords.size(); ++bit)
             sensor["samples"][kReasonWords[bit]] = tactiled_reason_count(segment.c(), i, bit);
         if (nlohmann::json front = auto_json(segment, i, s); !front.is_null()) sensor["auto"] = std::move(front);

@@ -12,6 +12,8 @@ inline constexpr const char* kLinkCountNames[TACTILED_LINK_COUNTS] = {
     "bytes",     "frames",  "skipped_bytes", "bad_checksum", "bad_length", "bad_value", "lost",      "repeated",
     "ring_full", "unbound", "opened",        "open_failed",  "gone",       "overrun",   "bus_error", "restarted"};
 
+// Returns the number right-aligned in `width` columns, "-" if it is not finite.
+std::string number(double value, int width, int digits);
 double age_ms(const tactiled_sample& s, std::uint64_t now_ns);
 // Returns the largest possible age of the newest frame of sensor `i`, in ms; NaN if it is not known.
 double age_bound_ms(const Segment& segment, std::uint32_t i);
@@ -24,5 +26,18 @@ std::string fault_lines(const tactiled_node& node);
 nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot);
 // Returns true if the daemon runs and every sensor has a value.
 bool is_healthy(const Segment& segment, const Snapshot& snapshot);
+
+// ---- auto_text.cpp: method "auto" of a sensor, its methods, the present one and the reason ----
+
+// Return "" and null if the sensor's method is not "auto".
+std::string auto_lines(const Segment& segment, std::uint32_t sensor, const tactiled_sample& newest);
+nlohmann::json auto_json(const Segment& segment, std::uint32_t sensor, const tactiled_sample& newest);
+
+// ---- tool_text.cpp: the wrench on the gripper ----
+
+std::string tool_why_text(std::uint32_t why);  // "gravity tare"; "" for none
+// One line of at most 80 columns, two where it has no value; nothing where there is no [tool].
+std::string tool_lines(const tactiled_tool& tool);
+nlohmann::json tool_json(const Segment& segment, const tactiled_tool& tool);
 
 }  // namespace tactiled::ctl

@@ -1,4 +1,4 @@
-#include "node/ctl/tool_text.hpp"
+#include "node/ctl/status_text.hpp"
 
 #include <fmt/format.h>
 
@@ -9,13 +9,6 @@
 
 namespace tactiled::ctl {
 namespace {
-
-nlohmann::json json_of(const auto& three) {
-    nlohmann::json out = nlohmann::json::array();
-    for (const auto number : three)
-        out.push_back(std::isfinite(number) ? nlohmann::json(double(number)) : nlohmann::json(nullptr));
-    return out;
-}
 
 std::string number(double value, int digits) { return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "-"; }
 
@@ -38,17 +31,17 @@ std::string tool_lines(const tactiled_tool& t) {
 
 nlohmann::json tool_json(const Segment& segment, const tactiled_tool& t) {
     if (t.quality == TACTILED_NO_VALUE) return nullptr;
-    nlohmann::json out{{"quality", quality_text(t.quality, 0)},       {"why", tool_why_text(t.why)},
-                       {"force_G_N", json_of(t.force_G_N)},           {"torque_G_Nm", json_of(t.torque_G_Nm)},
-                       {"sd_force_N", json_of(t.sd_force_N)},         {"sd_torque_Nm", json_of(t.sd_torque_Nm)},
-                       {"gravity_G_m_s2", json_of(t.gravity_G_m_s2)}, {"mass_kg", t.mass_kg}};
+    nlohmann::json out{
+        {"quality", quality_text(t.quality, 0)}, {"why", tool_why_text(t.why)}, {"force_G_N", t.force_G_N},
+        {"torque_G_Nm", t.torque_G_Nm},          {"sd_force_N", t.sd_force_N},  {"sd_torque_Nm", t.sd_torque_Nm},
+        {"gravity_G_m_s2", t.gravity_G_m_s2},    {"mass_kg", t.mass_kg}};
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
         if ((t.sensors >> i & 1u) != 0)
             out["sensors"][segment.sensor(i).name] = {{"quality", quality_text(t.sensor_quality[i], 0)},
-                                                      {"force_G_N", json_of(t.sensor_force_G_N[i])},
-                                                      {"torque_G_Nm", json_of(t.sensor_torque_G_Nm[i])},
-                                                      {"sd_force_N", json_of(t.sensor_sd_force_N[i])},
-                                                      {"sd_torque_Nm", json_of(t.sensor_sd_torque_Nm[i])}};
+                                                      {"force_G_N", t.sensor_force_G_N[i]},
+                                                      {"torque_G_Nm", t.sensor_torque_G_Nm[i]},
+                                                      {"sd_force_N", t.sensor_sd_force_N[i]},
+                                                      {"sd_torque_Nm", t.sensor_sd_torque_Nm[i]}};
     return out;
 }
 

@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <chrono>
-#include <cmath>
 #include <memory>
 #include <optional>
 #include <sstream>
@@ -15,7 +14,6 @@
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/grasp_text.hpp"
 #include "node/ctl/status_text.hpp"
-#include "node/ctl/tool_text.hpp"
 #include "node/ctl/verb.hpp"
 
 namespace tactiled::ctl {
@@ -24,10 +22,6 @@ namespace {
 constexpr const char* kHome = "\x1b[H";         // to the first column of the first line
 constexpr const char* kClearLine = "\x1b[K\n";  // the rest of the line
 constexpr const char* kClearBelow = "\x1b[J";
-
-std::string number(double value, int width, int digits) {
-    return std::isfinite(value) ? fmt::format("{:{}.{}f}", value, width, digits) : fmt::format("{:>{}}", "-", width);
-}
 
 // At most 2 + 2 + 16 + 1 + 3 lines of 80 columns.
 std::string table(const Segment& segment, const Snapshot& snapshot) {

@@ -33,9 +33,4 @@ inline constexpr Verb kLaboratoryVerbs[] = {
 // Returns the verbs of tactilectl and of the laboratory, in the order of --help.
 const std::vector<Verb>& verbs();
 
-// Replaces this process by tactilectl-lab, from the same folder; arguments (`words` of verb_first.hpp), environment,
-// open files and signal dispositions are kept. Returns the exit status, with the reason printed, if that program cannot
-// be started.
-int start_laboratory(const std::vector<char*>& words);
-
 }  // namespace tactiled::ctl

@@ -22,7 +22,6 @@ public:
     // setup: throws SetupError where the file has other channels, no session, or is no labelled.csv
     CaptureFile(std::string path, std::vector<std::string> channels);
 
-    [[nodiscard]] bool exists() const { return !label_.empty(); }
     [[nodiscard]] const std::vector<std::string>& channels() const { return channels_; }
     // The last row's session, "1" for a new file.
     [[nodiscard]] const std::string& last_session() const { return last_session_; }

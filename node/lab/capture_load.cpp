@@ -10,7 +10,6 @@
 #include <cctype>
 #include <charconv>
 #include <cmath>
-#include <limits>
 
 #include "config/options.hpp"
 #include "decoupling/fit/labelled.hpp"
@@ -19,7 +18,6 @@
 namespace tactiled::ctl {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kG_m_s2 = 9.80665;                 // CGPM 1901
 constexpr std::uint64_t kMaxApart_ns = 50'000'000;  // between frame and reference: a load by hand changes within 0.1 s
 constexpr std::uint64_t kScaleHolds_ns = 1'000'000'000;

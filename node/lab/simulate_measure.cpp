@@ -6,6 +6,7 @@
 #include <cmath>
 #include <memory>
 
+#include "decoupling/fit/least_squares.hpp"
 #include "node/lab/simulate.hpp"
 #include "node/lab/tradeoff.hpp"
 #include "tactiled/reader.hpp"
@@ -20,13 +21,6 @@ using sim::Simulation;
 // Times are medians over pieces of a run, so that interruptions by other programs have no influence.
 constexpr std::size_t kPiece_blocks = 16, kMaxPieces = 400, kMinPieces = 9;
 constexpr std::uint64_t kTiming_ns = 400'000'000;
-
-double median(std::vector<double>& values) {
-    if (values.empty()) return 0;
-    const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
 
 // A scene that restarts at its end, so that short ones can be timed, too.
 class Endless {

@@ -10,7 +10,6 @@
 #include "node/ctl/command_line.hpp"
 #include "node/lab/output.hpp"
 #include "node/lab/progress.hpp"
-#include "node/lab/tradeoff_front.hpp"
 
 namespace tactiled::ctl {
 namespace {

@@ -1,4 +1,4 @@
-#include "node/lab/tradeoff_front.hpp"
+#include "node/lab/tradeoff.hpp"
 
 #include <fmt/format.h>
 

@@ -4,21 +4,9 @@
 
 #include <algorithm>
 #include <iterator>
-#include <limits>
 #include <utility>
 
 namespace tactiled::web {
-namespace {
-
-// An instant at which the sensor was not there.
-Interval nothing() {
-    Interval interval{};
-    for (auto* values : {&interval.value, &interval.low, &interval.high})
-        values->fill(std::numeric_limits<float>::quiet_NaN());
-    return interval;
-}
-
-}  // namespace
 
 void append_base64(std::string& out, const void* bytes, std::size_t size) {
     static constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -38,8 +26,7 @@ void History::name_sensors(const std::vector<std::string>& names) {
     std::vector<Past> sensors;
     for (const auto& name : names) {
         const auto known = std::find_if(sensors_.begin(), sensors_.end(), [&](const Past& p) { return p.name == name; });
-        sensors.push_back(known != sensors_.end() ? std::move(*known)
-                                                  : Past{name, std::vector<Interval>(kHistoryTicks, nothing())});
+        sensors.push_back(known != sensors_.end() ? std::move(*known) : Past{name, std::vector<Interval>(kHistoryTicks)});
     }
     sensors_ = std::move(sensors);
     t_s_.resize(kHistoryTicks);
@@ -49,7 +36,7 @@ void History::add(const View& view) {
     if (sensors_.empty()) return;
     t_s_[next_] = double(view.taken_ns) / 1e9;
     for (std::size_t i = 0; i < sensors_.size(); ++i)
-        sensors_[i].ring[next_] = i < view.n_sensors() ? view.interval[i] : nothing();
+        sensors_[i].ring[next_] = i < view.n_sensors() ? view.interval[i] : Interval{};
     next_ = (next_ + 1) % kHistoryTicks;
     size_ = std::min(size_ + 1, kHistoryTicks);
 }

@@ -19,9 +19,7 @@
 #include "config/network_address.hpp"
 #include "config/text_file.hpp"
 #include "node/ctl/command_line.hpp"
-#include "node/web/api.hpp"
 #include "node/web/messages.hpp"
-#include "node/web/metrics.hpp"
 #include "node/web/player.hpp"
 #include "node/web/server.hpp"
 
@@ -112,11 +110,7 @@ public:
     void tick() {
         const View& view = source_.tick();
         const bool changed = std::exchange(structure_, view.structure) != view.structure;
-        if (changed) {
-            std::vector<std::string> names;
-            for (std::uint32_t i = 0; i < view.n_sensors(); ++i) names.emplace_back(view.segment->sensor(i).name);
-            history_.name_sensors(names);
-        }
+        if (changed) history_.name_sensors(sensor_names());
         history_.add(view);
         timeline_.observe(view);
         ++ticks_;
@@ -136,17 +130,18 @@ private:
                 [this] { return status_body(source_.view(), node_); },
                 [this] { return events_body(timeline_); },
                 [this] { return metrics_text(source_.view(), node_, server_.streams()); },
-                [this] {
-                    std::vector<std::string> names;
-                    const View& view = source_.view();
-                    for (std::uint32_t i = 0; i < view.n_sensors(); ++i) names.emplace_back(view.segment->sensor(i).name);
-                    return names;
-                },
+                [this] { return sensor_names(); },
                 [this] {
                     const View& view = source_.view();
                     return std::string(view.is_alive ? view.segment->header().control : "");
                 },
                 [this] { return node_; }};
+    }
+    std::vector<std::string> sensor_names() const {
+        std::vector<std::string> names;
+        const View& view = source_.view();
+        for (std::uint32_t i = 0; i < view.n_sensors(); ++i) names.emplace_back(view.segment->sensor(i).name);
+        return names;
     }
     std::string greeting() {
         const View& view = source_.view();

@@ -18,8 +18,6 @@ namespace {
 
 constexpr auto kReplace = nlohmann::json::error_handler_t::replace;  // a name that is no UTF-8
 
-nlohmann::json json_number(double value) { return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr); }
-
 // JSON by hand: this is written 30 times a second.
 class Text {
 public:
@@ -133,8 +131,6 @@ std::string hello_message(const View& view, const std::string& run, bool has_com
     }
     for (std::uint32_t i = 0; i < view.n_sensors(); ++i) {
         const auto& s = segment.sensor(i);
-        nlohmann::json scale = nlohmann::json::array();
-        for (const float full : s.full_scale) scale.push_back(json_number(double(full)));
         out["sensors"].push_back({{"name", s.name},
                                   {"model", s.model},
                                   {"method", s.method},
@@ -142,7 +138,7 @@ std::string hello_message(const View& view, const std::string& run, bool has_com
                                   {"link", s.link},
                                   {"stale_ms", s.stale_ms},
                                   {"components", s.components},
-                                  {"full_scale", scale}});
+                                  {"full_scale", s.full_scale}});
     }
     for (std::uint32_t i = 0; i < view.n_links(); ++i)
         out["links"].push_back({{"name", segment.link(i).name},
@@ -181,6 +177,44 @@ std::string frame_message(const View& view, bool links) {
     for (std::uint32_t i = 0; i < view.n_sensors(); ++i) put_sensor(text, view, i);
     text.end(']').end('}').raw("\n\n");
     return out;
+}
+
+std::string status_body(const View& view, const std::string& node_name) {
+    nlohmann::json out{
+        {"schema", 1}, {"node", node_name}, {"sensors", nlohmann::json::array()}, {"links", nlohmann::json::array()}};
+    if (view.segment->is_open()) out.update(ctl::status_json(*view.segment, view.snapshot));
+    out["alive"] = view.is_alive;
+    out["why"] = view.why;
+    out["wall_ms"] = view.wall_ms;
+    out["t_s"] = double(view.taken_ns) / 1e9;
+    const auto& node = view.snapshot.node;
+    out["faults"] = words_of(kFaultWords, node.fault);
+    out["warnings"] = words_of(kWarningWords, node.warning);
+    for (std::uint32_t i = 0; i < view.n_sensors(); ++i) {
+        const auto& about = view.segment->sensor(i);
+        const auto& s = view.snapshot.sensor[i];
+        nlohmann::json& sensor = out["sensors"][i];
+        sensor["stale_ms"] = about.stale_ms;
+        sensor["serial"] = about.serial;
+        sensor["components"] = about.components;
+        sensor["full_scale"] = about.full_scale;
+        sensor["sd_torque_Nm"] = s.sd_torque_Nm;
+        sensor["cop_S_m"] = s.cop_S_m;
+        sensor["residual"] = s.residual;
+        sensor["temperature_C"] = s.temperature_C;
+        sensor["peak_N"] = s.peak_N;
+        sensor["contact"] = (s.state & TACTILED_CONTACT) != 0;
+        sensor["overload"] = (s.state & TACTILED_OVERLOAD) != 0;
+        sensor["sequence"] = s.sequence;
+        sensor["epoch"] = s.epoch;
+    }
+    return out.dump(2, ' ', false, kReplace) + '\n';
+}
+
+std::string events_body(const Timeline& timeline) {
+    std::string out = R"({"schema":1,"events":)";
+    timeline.encode(0, out);
+    return out + "}\n";
 }
 
 }  // namespace tactiled::web

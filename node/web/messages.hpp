@@ -1,4 +1,4 @@
-// Messages of the event stream to the page. The stream is between this server and its own page; programs use /api/status.
+// The texts of the server. The event stream is between this server and its own page; programs use /api/status.
 #pragma once
 #include <string>
 
@@ -16,5 +16,12 @@ void append_past(const View& view, const History& history, std::uint32_t sensor,
 std::uint64_t append_changes(const Timeline& timeline, std::uint64_t revision, std::string& out);
 // An event without a name: the values of one tick. With `links`, the counters of the links, too.
 std::string frame_message(const View& view, bool links);
+
+// /api/status: the object of `tactilectl status --json` with more keys; api.schema.json describes it.
+std::string status_body(const View& view, const std::string& node_name);
+std::string events_body(const Timeline& timeline);
+
+// The page /metrics: Prometheus' text format 0.0.4, SI base units. A value that is not known is NaN, never the last one.
+std::string metrics_text(const View& view, const std::string& node_name, std::size_t streams);
 
 }  // namespace tactiled::web

@@ -1,4 +1,4 @@
-#include "node/web/metrics.hpp"
+#include "node/web/messages.hpp"
 
 #include <fmt/format.h>
 

@@ -345,7 +345,6 @@ ssize_t Server::read_stream(void* of, std::uint64_t, char* to, std::size_t size)
             stream.revision = server.content_.revision();
             stream.frame_number = server.frame_number_;
         } else if (server.frame_ != nullptr && stream.frame_number != server.frame_number_) {
-            server.skipped_ += server.frame_number_ - stream.frame_number - 1;
             stream.piece = server.frame_;
             stream.frame_number = server.frame_number_;
             if (const std::uint64_t newest = server.content_.revision(); stream.revision != newest) {

@@ -56,7 +56,6 @@ public:
     // Closes connections whose request is not complete in time. Call it once a second.
     void sweep();
     [[nodiscard]] std::size_t streams() const { return streams_.size(); }
-    [[nodiscard]] std::uint64_t skipped_frames() const { return skipped_; }
 
 private:
     struct Connection;
@@ -92,7 +91,7 @@ private:
     std::list<Stream> streams_;
     std::map<int, Connection*> connections_;
     std::map<std::uint64_t, Exchange*> waiting_;  // for the daemon's answer, by the number of the command
-    std::uint64_t next_command_ = 1, skipped_ = 0;
+    std::uint64_t next_command_ = 1;
     bool closing_ = false;
     struct Made {
         std::uint64_t tick = 0;

@@ -109,7 +109,6 @@ void Source::attach() {
 void Source::read_interval(std::uint32_t sensor) {
     Interval& interval = view_.interval[sensor];
     interval = {};
-    for (auto* values : {&interval.value, &interval.low, &interval.high}) values->fill(kNan);
     const tactiled_sample& newest = view_.snapshot.sensor[sensor];
     interval.quality = newest.quality;
     tactiled_sample sample;

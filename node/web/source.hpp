@@ -3,6 +3,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <string>
 
 #include "tactiled/reader.hpp"
@@ -11,10 +12,15 @@ namespace tactiled::web {
 
 // One sensor over one tick. Components fx fy fz mx my mz in N and Nm, frame S; NaN: no value.
 struct Interval {
-    std::array<float, 6> value;      // value of the newest sample, judged at the tick
-    std::array<float, 6> low, high;  // extremes of value -/+ one standard uncertainty; NaN where the uncertainty is unknown
-    std::uint32_t quality;           // the worst of all samples: enum tactiled_quality
-    std::uint32_t reasons;           // reasons of all samples together
+    using Values = std::array<float, 6>;
+    Values value = kUnknown;                 // value of the newest sample, judged at the tick
+    Values low = kUnknown, high = kUnknown;  // extremes of value -/+ one standard uncertainty; NaN where that is unknown
+    std::uint32_t quality = 0;               // the worst of all samples: enum tactiled_quality
+    std::uint32_t reasons = 0;               // reasons of all samples together
+
+private:
+    static constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+    static constexpr Values kUnknown{kNan, kNan, kNan, kNan, kNan, kNan};
 };
 
 struct View {

@@ -1,6 +1,7 @@
 #include "node/web/timeline.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <iterator>
 #include <nlohmann/json.hpp>
@@ -15,14 +16,17 @@ const std::array<const char*, 9> kFaultWords{"sensor-lost", "overrange", "open-g
 const std::array<const char*, 8> kWarningWords{nullptr, "drift",  "lost-frames", nullptr,
                                                "tare",  "budget", "rate",        "reload-refused"};
 
+std::vector<const char*> words_of(std::span<const char* const> all, std::uint32_t bits) {
+    std::vector<const char*> words;
+    for (std::size_t bit = 0; bit < all.size(); ++bit)
+        if ((bits >> bit & 1u) != 0 && all[bit] != nullptr) words.push_back(all[bit]);
+    return words;
+}
+
 namespace {
 
-template <std::size_t N>
-std::string words(const std::array<const char*, N>& all, std::uint32_t bits) {
-    std::string text;
-    for (std::size_t bit = 0; bit < N; ++bit)
-        if ((bits >> bit & 1u) != 0 && all[bit] != nullptr) text += (text.empty() ? "" : ", ") + std::string(all[bit]);
-    return text;
+std::string listed(std::span<const char* const> all, std::uint32_t bits) {
+    return fmt::format("{}", fmt::join(words_of(all, bits), ", "));
 }
 
 // Reasons that come and go without a change of what a value is worth.
@@ -81,10 +85,10 @@ void Timeline::observe(const View& view) {
         add(view, fmt::format("link {}", view.segment->link(i).name), open ? "open" : "closed", open ? 0 : 2);
     }
     const std::uint32_t raised = node.fault & ~fault_, cleared = fault_ & ~node.fault;
-    if (raised != 0) add(view, "fault", fmt::format("latched: {}", words(kFaultWords, raised)), 2);
-    if (cleared != 0) add(view, "fault", fmt::format("cleared: {}", words(kFaultWords, cleared)), 0);
+    if (raised != 0) add(view, "fault", fmt::format("latched: {}", listed(kFaultWords, raised)), 2);
+    if (cleared != 0) add(view, "fault", fmt::format("cleared: {}", listed(kFaultWords, cleared)), 0);
     const std::uint32_t warned = node.warning & ~warning_;
-    if (warned != 0) add(view, "warning", words(kWarningWords, warned), 1);
+    if (warned != 0) add(view, "warning", listed(kWarningWords, warned), 1);
     fault_ = node.fault;
     warning_ = node.warning;
     if (std::exchange(slips_, node.grasp.slips) != node.grasp.slips) add(view, "grasp", "slip", 1);

@@ -4,7 +4,9 @@
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "node/web/source.hpp"
 
@@ -13,6 +15,8 @@ namespace tactiled::web {
 // Words of tactiled_node.fault and .warning, bit by bit; nullptr: no such bit.
 extern const std::array<const char*, 9> kFaultWords;
 extern const std::array<const char*, 8> kWarningWords;
+// Returns the words of the bits that are set.
+std::vector<const char*> words_of(std::span<const char* const> all, std::uint32_t bits);
 
 struct Event {
     std::uint64_t id = 0;

@@ -23,12 +23,6 @@ constexpr std::uint64_t kSerials = 1000;  // between two sensors of a kind: an a
 constexpr std::array kEdges{0.02F, 0.1F, 0.2F, 0.3F, 0.4F, 0.5F, 0.6F, 0.7F, 0.8F, 0.9F};  // load
 constexpr std::array kPeaks{0.05F, 0.2F, 0.4F, 0.6F, 0.8F};                                // peak since the last rest
 
-double median(std::vector<double> values) {
-    if (values.empty()) return std::nan("");
-    std::nth_element(values.begin(), values.begin() + std::ptrdiff_t(values.size() / 2), values.end());
-    return values[values.size() / 2];
-}
-
 template <std::size_t kN>
 std::size_t bin_of(const std::array<float, kN>& edges, float value) {
     return std::size_t(std::upper_bound(edges.begin(), edges.end(), value) - edges.begin());

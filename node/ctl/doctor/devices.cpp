@@ -61,19 +61,18 @@ void look_at_file(const Machine& machine, const std::string& link, const std::st
                   Findings& found) {
     struct stat file {};
     if (::stat(machine.path(device).c_str(), &file) != 0) {
-        found.push_back({"device", Verdict::wrong, fmt::format("{}: {} is not there", link, device),
-                         "plug it in; ls -l /dev/serial/by-id shows the ports that there are"});
+        found.wrong("device", fmt::format("{}: {} is not there", link, device),
+                    "plug it in; ls -l /dev/serial/by-id shows the ports that there are");
     } else if (!may_read_and_write(user, file)) {
         const std::string group = group_name(machine, file.st_gid);
-        found.push_back({"device", Verdict::wrong,
-                         fmt::format("{}: user {} may not open {} (group {}, mode {:o})", link, user.name, device, group,
-                                     file.st_mode & 0777u),
-                         (file.st_mode & 060u) == 060u && group != "root"
-                             ? fmt::format("adduser {} {}, then restart the daemon", user.name, group)
-                             : "a udev rule that gives it to a group of the daemon's: systemd/60-tactiled.rules"});
+        found.wrong("device",
+                    fmt::format("{}: user {} may not open {} (group {}, mode {:o})", link, user.name, device, group,
+                                file.st_mode & 0777u),
+                    (file.st_mode & 060u) == 060u && group != "root"
+                        ? fmt::format("adduser {} {}, then restart the daemon", user.name, group)
+                        : "a udev rule that gives it to a group of the daemon's: systemd/60-tactiled.rules");
     } else {
-        found.push_back(
-            {"device", Verdict::good, fmt::format("{}: {} is there, and user {} may open it", link, device, user.name), ""});
+        found.good("device", fmt::format("{}: {} is there, and user {} may open it", link, device, user.name));
     }
 }
 
@@ -84,24 +83,21 @@ void look_at_latency_timer(const Machine& machine, const std::string& link, cons
     const auto ms = machine.number("/sys/bus/usb-serial/devices/" + real + "/latency_timer");
     if (!ms) return;
     if (*ms <= 1)
-        found.push_back(
-            {"latency_timer", Verdict::good, fmt::format("{}: {} delays bytes by at most {} ms", link, real, *ms), ""});
+        found.good("latency_timer", fmt::format("{}: {} delays bytes by at most {} ms", link, real, *ms));
     else
-        found.push_back(
-            {"latency_timer", Verdict::wrong, fmt::format("{}: {} delays bytes by up to {} ms", link, real, *ms),
-             fmt::format("echo 1 > /sys/bus/usb-serial/devices/{}/latency_timer, or the package's udev rules", real)});
+        found.wrong("latency_timer", fmt::format("{}: {} delays bytes by up to {} ms", link, real, *ms),
+                    fmt::format("echo 1 > /sys/bus/usb-serial/devices/{}/latency_timer, or the package's udev rules", real));
 }
 
 void look_at_interface(const Machine& machine, const std::string& link, const Requirement& required, Findings& found) {
     const std::string &name = required.name, folder = "/sys/class/net/" + name;
     const auto flags = std::strtoul(machine.line(folder + "/flags").c_str(), nullptr, 16);
     if (!machine.has(folder))
-        found.push_back({"device", Verdict::wrong, fmt::format("{}: there is no interface {}", link, name),
-                         "ip link shows those that there are"});
+        found.wrong("device", fmt::format("{}: there is no interface {}", link, name), "ip link shows those that there are");
     else if ((flags & 1u) == 0)  // IFF_UP
-        found.push_back({"device", Verdict::wrong, fmt::format("{}: interface {} is down", link, name), required.bring_up});
+        found.wrong("device", fmt::format("{}: interface {} is down", link, name), required.bring_up);
     else
-        found.push_back({"device", Verdict::good, fmt::format("{}: interface {} is up", link, name), ""});
+        found.good("device", fmt::format("{}: interface {} is up", link, name));
 }
 
 }  // namespace
@@ -109,8 +105,8 @@ void look_at_interface(const Machine& machine, const std::string& link, const Re
 void look_at_devices(const Machine& machine, Config& config, const std::string& user_name, Findings& found) {
     const User user = find_user(machine, user_name);
     if (user.uid < 0) {
-        found.push_back({"user", Verdict::wrong, fmt::format("there is no user {}", user_name),
-                         "install the package, or name another with --user"});
+        found.wrong("user", fmt::format("there is no user {}", user_name),
+                    "install the package, or name another with --user");
         return;
     }
     const auto look = [&](const std::string& what, const Requirement& required) {
@@ -136,11 +132,11 @@ void look_at_readers(const Machine& machine, const Config& config, Findings& fou
     if (config.shm.group.empty()) return;
     for (const auto& line : machine.lines("/etc/group"))
         if (line.starts_with(config.shm.group + ":")) {
-            found.push_back({"shm_group", Verdict::good, fmt::format("group {} of [shm] is there", config.shm.group), ""});
+            found.good("shm_group", fmt::format("group {} of [shm] is there", config.shm.group));
             return;
         }
-    found.push_back({"shm_group", Verdict::wrong, fmt::format("there is no group {} of [shm]", config.shm.group),
-                     fmt::format("addgroup --system {}", config.shm.group)});
+    found.wrong("shm_group", fmt::format("there is no group {} of [shm]", config.shm.group),
+                fmt::format("addgroup --system {}", config.shm.group));
 }
 
 void look_at_port(const Machine& machine, const ModbusSettings& settings, bool daemon_runs, Findings& found) {
@@ -155,12 +151,11 @@ void look_at_port(const Machine& machine, const ModbusSettings& settings, bool d
             const auto at = local.find(':');
             if (state != "0A" || at == local.npos || std::strtoul(local.c_str() + at + 1, nullptr, 16) != port)
                 continue;  // LISTEN
-            found.push_back({"port", Verdict::wrong,
-                             fmt::format("another program listens on port {} of [modbus] listen", port),
-                             fmt::format("ss -ltnp 'sport = :{}' shows which", port)});
+            found.wrong("port", fmt::format("another program listens on port {} of [modbus] listen", port),
+                        fmt::format("ss -ltnp 'sport = :{}' shows which", port));
             return;
         }
-    found.push_back({"port", Verdict::good, fmt::format("port {} is free", port), ""});
+    found.good("port", fmt::format("port {} is free", port));
 }
 
 }  // namespace tactiled::ctl::doctor

@@ -1,5 +1,5 @@
 // tactilectl doctor: its findings and the files that it reads. One file in this folder for each subject: machine,
-// rights, sandbox, devices, safety.
+// rights and sandbox, devices, safety.
 #pragma once
 #include <optional>
 #include <string>
@@ -26,7 +26,15 @@ struct Finding {
     std::string says;
     std::string remedy;  // "" if the finding is good
 };
-using Findings = std::vector<Finding>;
+struct Findings : std::vector<Finding> {
+    void good(const char* check, const std::string& says) { push_back({check, Verdict::good, says, ""}); }
+    void advice(const char* check, const std::string& says, const std::string& remedy) {
+        push_back({check, Verdict::advice, says, remedy});
+    }
+    void wrong(const char* check, const std::string& says, const std::string& remedy) {
+        push_back({check, Verdict::wrong, says, remedy});
+    }
+};
 
 // The files of a machine: of this one, or below another folder, for tests.
 class Machine {

@@ -72,25 +72,22 @@ bool has_cpu(const std::string& list, int cpu) {
 void look_at_kernel(const Machine& machine, Findings& found) {
     const std::string release = machine.line("/proc/sys/kernel/osrelease");
     if (machine.line("/sys/kernel/realtime") == "1")
-        found.push_back({"kernel", Verdict::good, fmt::format("{}, PREEMPT_RT", release), ""});
+        found.good("kernel", fmt::format("{}, PREEMPT_RT", release));
     else
-        found.push_back({"kernel", Verdict::advice,
-                         fmt::format("{}, not PREEMPT_RT: its own work may delay a thread by ms", release),
-                         "install linux-image-rt-amd64 (or -arm64) where a late sample matters"});
+        found.advice("kernel", fmt::format("{}, not PREEMPT_RT: its own work may delay a thread by ms", release),
+                     "install linux-image-rt-amd64 (or -arm64) where a late sample matters");
 
     const auto runtime_us = machine.number("/proc/sys/kernel/sched_rt_runtime_us");
     if (runtime_us == 0)
-        found.push_back({"rt_throttling", Verdict::wrong, "kernel.sched_rt_runtime_us = 0: no real-time thread runs at all",
-                         "sysctl -w kernel.sched_rt_runtime_us=950000"});
+        found.wrong("rt_throttling", "kernel.sched_rt_runtime_us = 0: no real-time thread runs at all",
+                    "sysctl -w kernel.sched_rt_runtime_us=950000");
     else if (runtime_us == -1)
-        found.push_back({"rt_throttling", Verdict::advice,
-                         "kernel.sched_rt_runtime_us = -1: a real-time thread that never sleeps blocks the machine",
-                         "sysctl -w kernel.sched_rt_runtime_us=950000"});
+        found.advice("rt_throttling",
+                     "kernel.sched_rt_runtime_us = -1: a real-time thread that never sleeps blocks the machine",
+                     "sysctl -w kernel.sched_rt_runtime_us=950000");
     else if (runtime_us)
-        found.push_back({"rt_throttling", Verdict::good,
-                         fmt::format("real-time threads may have {} us of each {}", *runtime_us,
-                                     machine.line("/proc/sys/kernel/sched_rt_period_us")),
-                         ""});
+        found.good("rt_throttling", fmt::format("real-time threads may have {} us of each {}", *runtime_us,
+                                                machine.line("/proc/sys/kernel/sched_rt_period_us")));
 }
 
 void look_at_clock(const Machine& machine, Findings& found) {
@@ -98,21 +95,21 @@ void look_at_clock(const Machine& machine, Findings& found) {
     const bool in_user_space =
         source == "tsc" || source == "arch_sys_counter" || source == "kvm-clock" || source.starts_with("hyperv_clocksource");
     if (in_user_space)
-        found.push_back({"clocksource", Verdict::good, fmt::format("{}: read without a system call", source), ""});
+        found.good("clocksource", fmt::format("{}: read without a system call", source));
     else if (!source.empty())
-        found.push_back(
-            {"clocksource", Verdict::wrong, fmt::format("{}: each reading of the clock is a system call", source),
-             "see dmesg for why the kernel left tsc; on x86 clocksource=tsc tsc=reliable where the hardware is sound"});
+        found.wrong(
+            "clocksource", fmt::format("{}: each reading of the clock is a system call", source),
+            "see dmesg for why the kernel left tsc; on x86 clocksource=tsc tsc=reliable where the hardware is sound");
 
     // Only displayed times need the wall clock: timestamps, ages and timers use CLOCK_MONOTONIC.
     timex state{};
     const bool synced = machine.has("/run/systemd/timesync/synchronized") ||
                         (machine.is_this_one() && ::adjtimex(&state) != -1 && (state.status & STA_UNSYNC) == 0);
     if (synced)
-        found.push_back({"time", Verdict::good, "the wall clock is synchronised", ""});
+        found.good("time", "the wall clock is synchronised");
     else
-        found.push_back({"time", Verdict::advice, "the wall clock is not synchronised: recordings may carry a wrong date",
-                         "install chrony or systemd-timesyncd"});
+        found.advice("time", "the wall clock is not synchronised: recordings may carry a wrong date",
+                     "install chrony or systemd-timesyncd");
 }
 
 void look_at_processors(const Machine& machine, const RealtimeSettings& wanted, Findings& found) {
@@ -127,34 +124,32 @@ void look_at_processors(const Machine& machine, const RealtimeSettings& wanted, 
                 deepest_us = std::max(deepest_us, machine.number(cpus + cpu + "/cpuidle/" + state + "/latency").value_or(0));
     }
     if (slow.empty())
-        found.push_back({"governor", Verdict::good, "no governor lowers the clock", ""});
+        found.good("governor", "no governor lowers the clock");
     else
-        found.push_back({"governor", Verdict::advice, fmt::format("{}: the clock is raised only under load", slow),
-                         "cpupower frequency-set -g performance"});
+        found.advice("governor", fmt::format("{}: the clock is raised only under load", slow),
+                     "cpupower frequency-set -g performance");
     if (deepest_us > kDeepSleepUs)
-        found.push_back({"idle", Verdict::advice, fmt::format("an idle processor may need {} us to wake", deepest_us),
-                         "hold /dev/cpu_dma_latency open with 0, or boot with processor.max_cstate=1 (costs power)"});
+        found.advice("idle", fmt::format("an idle processor may need {} us to wake", deepest_us),
+                     "hold /dev/cpu_dma_latency open with 0, or boot with processor.max_cstate=1 (costs power)");
     else
-        found.push_back({"idle", Verdict::good, fmt::format("an idle processor wakes within {} us", deepest_us), ""});
+        found.good("idle", fmt::format("an idle processor wakes within {} us", deepest_us));
 
     if (wanted.cpu < 0) return;
     const auto of = [&](const std::string& file) { return has_cpu(machine.line(cpus + file), wanted.cpu); };
     if (!of("online")) {
-        found.push_back({"cpu", Verdict::wrong,
-                         fmt::format("[realtime] cpu = {}: this machine has {}", wanted.cpu, machine.line(cpus + "online")),
-                         "choose one of these, or -1"});
+        found.wrong("cpu",
+                    fmt::format("[realtime] cpu = {}: this machine has {}", wanted.cpu, machine.line(cpus + "online")),
+                    "choose one of these, or -1");
         return;
     }
     std::string missing;
     if (!of("isolated")) missing += fmt::format(" isolcpus={}", wanted.cpu);
     if (!of("nohz_full")) missing += fmt::format(" nohz_full={0} rcu_nocbs={0}", wanted.cpu);
     if (missing.empty())
-        found.push_back(
-            {"cpu", Verdict::good, fmt::format("CPU {} is kept free of other programs and of ticks", wanted.cpu), ""});
+        found.good("cpu", fmt::format("CPU {} is kept free of other programs and of ticks", wanted.cpu));
     else
-        found.push_back({"cpu", Verdict::advice,
-                         fmt::format("CPU {} is shared with other programs, interrupts and ticks", wanted.cpu),
-                         fmt::format("boot with{} irqaffinity=<the others>", missing)});
+        found.advice("cpu", fmt::format("CPU {} is shared with other programs, interrupts and ticks", wanted.cpu),
+                     fmt::format("boot with{} irqaffinity=<the others>", missing));
 }
 
 }  // namespace tactiled::ctl::doctor

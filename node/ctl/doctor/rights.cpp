@@ -4,6 +4,7 @@
 #include <sstream>
 
 #include "node/ctl/doctor/doctor.hpp"
+#include "node/sandbox.hpp"
 
 namespace tactiled::ctl::doctor {
 namespace {
@@ -39,14 +40,13 @@ void look_at_group(const Machine& machine, const std::string& process, Findings&
         const std::string group = line.substr(second + 1);
         for (const char* mount : {"/sys/fs/cgroup/cpu", "/sys/fs/cgroup/cpu,cpuacct"})
             if (machine.number(mount + group + "/cpu.rt_runtime_us") == 0) {
-                found.push_back(
-                    {"rt_group", Verdict::wrong, fmt::format("the cpu group {} may have no real time", group),
-                     "take CPUQuota=, CPUWeight= and CPUAccounting= out of this unit and its neighbours, or write "
-                     "cpu.rt_runtime_us"});
+                found.wrong("rt_group", fmt::format("the cpu group {} may have no real time", group),
+                            "take CPUQuota=, CPUWeight= and CPUAccounting= out of this unit and its neighbours, or write "
+                            "cpu.rt_runtime_us");
                 return;
             }
     }
-    found.push_back({"rt_group", Verdict::good, "no cpu group forbids SCHED_FIFO", ""});
+    found.good("rt_group", "no cpu group forbids SCHED_FIFO");
 }
 
 // Returns field `n` of /proc/PID/stat, counted as in its manual page; the second field may contain spaces and
@@ -74,6 +74,18 @@ void look_at_threads(const Machine& machine, const std::string& process, const R
     }
 }
 
+constexpr const char* kSystemCalls = "system_calls";
+// The kernel's list of filter actions; a kernel without filters does not have this file.
+constexpr const char* kActions = "/proc/sys/kernel/seccomp/actions_avail";
+constexpr const char* kUnit = "run it as the service: the filter of its unit does not depend on the daemon's own";
+
+// Returns true if "Seccomp:" in /proc/PID/status is 2, so that a filter is in force.
+bool is_filtered(const Machine& machine, const std::string& pid) {
+    for (const auto& line : machine.lines("/proc/" + pid + "/status"))
+        if (line.starts_with("Seccomp:")) return line.find('2') != line.npos;
+    return false;
+}
+
 }  // namespace
 
 void look_at_rights(const Machine& machine, const std::string& pid, const RealtimeSettings& wanted, Findings& found) {
@@ -81,29 +93,46 @@ void look_at_rights(const Machine& machine, const std::string& pid, const Realti
     const std::string whose = pid == "self" ? "a daemon started from here" : "the daemon";
     const auto priority = limit_of(machine, process, "Max realtime priority");
     if (has_capability(machine, process, kSysNice))
-        found.push_back({"priority", Verdict::good, fmt::format("{} has CAP_SYS_NICE", whose), ""});
+        found.good("priority", fmt::format("{} has CAP_SYS_NICE", whose));
     else if (priority.value_or(0) >= unsigned(wanted.priority))
-        found.push_back({"priority", Verdict::good, fmt::format("{} may use priorities up to {}", whose, *priority), ""});
+        found.good("priority", fmt::format("{} may use priorities up to {}", whose, *priority));
     else
-        found.push_back(
-            {"priority", Verdict::wrong,
-             fmt::format("{} may use priorities up to {}; [realtime] priority = {}", whose, priority.value_or(0),
-                         wanted.priority),
-             "LimitRTPRIO=98 in the unit; for a login: \"@tactile - rtprio 98\" in /etc/security/limits.d/tactiled.conf"});
+        found.wrong(
+            "priority",
+            fmt::format("{} may use priorities up to {}; [realtime] priority = {}", whose, priority.value_or(0),
+                        wanted.priority),
+            "LimitRTPRIO=98 in the unit; for a login: \"@tactile - rtprio 98\" in /etc/security/limits.d/tactiled.conf");
 
     const auto bytes = limit_of(machine, process, "Max locked memory");
     const bool may_lock = has_capability(machine, process, kIpcLock) || bytes.value_or(0) >= kEnoughBytes;
     if (!wanted.lock_memory)
-        found.push_back({"memory", Verdict::advice, "[realtime] lock_memory = false: a page fault may delay the loop",
-                         "lock_memory = true"});
+        found.advice("memory", "[realtime] lock_memory = false: a page fault may delay the loop", "lock_memory = true");
     else if (may_lock)
-        found.push_back({"memory", Verdict::good, fmt::format("{} may lock its memory", whose), ""});
+        found.good("memory", fmt::format("{} may lock its memory", whose));
     else
-        found.push_back({"memory", Verdict::wrong, fmt::format("{} may lock {} kB", whose, bytes.value_or(0) / 1024),
-                         "LimitMEMLOCK=infinity in the unit; for a login: \"@tactile - memlock unlimited\" in "
-                         "/etc/security/limits.d/tactiled.conf"});
+        found.wrong("memory", fmt::format("{} may lock {} kB", whose, bytes.value_or(0) / 1024),
+                    "LimitMEMLOCK=infinity in the unit; for a login: \"@tactile - memlock unlimited\" in "
+                    "/etc/security/limits.d/tactiled.conf");
     look_at_group(machine, process, found);
     look_at_threads(machine, process, wanted, found);
+}
+
+void look_at_sandbox(const Machine& machine, const std::string& pid, Findings& found) {
+    const bool runs = pid != "self";
+    if (runs && is_filtered(machine, pid))
+        found.good(kSystemCalls, "the daemon's system calls are filtered");
+    else if (!has_system_call_filter())
+        found.advice(kSystemCalls,
+                     "this program has no filter of system calls for this processor: the daemon has no sandbox of its own",
+                     kUnit);
+    else if (machine.line(kActions).find("errno") == std::string::npos)
+        found.advice(kSystemCalls, "the kernel has no filters of system calls: the daemon has no sandbox of its own",
+                     "a kernel with CONFIG_SECCOMP_FILTER");
+    else if (runs)
+        found.advice(kSystemCalls, "the daemon runs without its filter of system calls",
+                     "its log has the reason, in a line that begins with \"seccomp:\"");
+    else
+        found.good(kSystemCalls, "this processor and this kernel can filter the daemon's system calls");
 }
 
 }  // namespace tactiled::ctl::doctor

@@ -52,15 +52,14 @@ void look_at_channels(const Config& config, const SensorSettings& sensor, const 
     const unsigned sent = channels_of_frame(config, sensor.link);
     const std::size_t expected = sensor.channels.empty() ? entry.n_channels : sensor.channels.size();
     if (sent != 0 && sent != expected)
-        found.push_back(
-            {"channels", Verdict::wrong,
-             fmt::format("sensor \"{}\": a frame of link \"{}\" has {} channels, {} has {}: every sample would be "
-                         "BAD:wrong-device",
-                         sensor.name, sensor.link, sent, sensor.channels.empty() ? "the calibration" : "`channels`",
-                         expected),
-             sensor.channels.empty()
-                 ? fmt::format("name all {} channels of the frame in order, \"-\" = not used: channels = [...]", sent)
-                 : "write one name a channel of the frame, \"-\" = not used"});
+        found.wrong("channels",
+                    fmt::format("sensor \"{}\": a frame of link \"{}\" has {} channels, {} has {}: every sample would be "
+                                "BAD:wrong-device",
+                                sensor.name, sensor.link, sent, sensor.channels.empty() ? "the calibration" : "`channels`",
+                                expected),
+                    sensor.channels.empty()
+                        ? fmt::format("name all {} channels of the frame in order, \"-\" = not used: channels = [...]", sent)
+                        : "write one name a channel of the frame, \"-\" = not used");
 }
 
 // "a channel that", or of some channels "channel C1 that": those for which no limit of equal readings is known. "" = none.
@@ -91,7 +90,7 @@ void look_at_temperature(const SensorSettings& s, const tactiled_sensor& entry, 
     const Calibration calibration = load_calibration(s.calibration, ignored);
     const bool is_declared = std::isfinite(s.temperature_range_C[0]);
     const auto advise = [&](const std::string& says, const std::string& remedy) {
-        found.push_back({"temperature", Verdict::advice, fmt::format("sensor \"{}\": {}", s.name, says), remedy});
+        found.advice("temperature", fmt::format("sensor \"{}\": {}", s.name, says), remedy);
     };
     if (temperature_effect(calibration) != nullptr && !is_declared)
         advise(fmt::format("model \"{}\" follows temperature, and the calibration does not know by how much: the standard "
@@ -114,7 +113,7 @@ void look_at_sensor(const Node& node, std::size_t i, Findings& found) {
     const SensorSettings& s = node.config.sensors[i];
     const tactiled_sensor& entry = node.plan.sensors[i];
     const auto advise = [&](const char* check, const std::string& says, const std::string& remedy) {
-        found.push_back({check, Verdict::advice, fmt::format("sensor \"{}\": {}", s.name, says), remedy});
+        found.advice(check, fmt::format("sensor \"{}\": {}", s.name, says), remedy);
     };
     look_at_channels(node.config, s, entry, found);
     if (s.rate_Hz <= 0)
@@ -173,16 +172,16 @@ void look_at_swings(const GraspSettings& grasp, Findings& found) {
         return std::isfinite(a_m_s2) ? fmt::format("up to {:.2g} m/s2", a_m_s2) : "any size";
     };
     const double longer_ms = std::min(1000.0, 2 * grasp.weigh_window_ms);
-    found.push_back(
-        {"grasp", Verdict::advice,
-         fmt::format("weigh_window_ms = {:g} with lift_accelerates_ms = {:g}: where the hand swings along gravity from the "
-                     "lift on, a crest of {} at 1 Hz, or of {} at 0.5 Hz, looks like a load at rest, and its "
-                     "acceleration is weighed as mass",
-                     grasp.weigh_window_ms, grasp.lift_accelerates_ms, up_to(1, grasp.weigh_window_ms),
-                     up_to(0.5, grasp.weigh_window_ms)),
-         fmt::format("if the hand can swing: lift_accelerates_ms = {:g}, or weigh_window_ms = {:g} ({} at 1 Hz), or let "
-                     "the robot report its acceleration",
-                     grasp::Setup{}.lift_accelerates_ms, longer_ms, up_to(1, longer_ms))});
+    found.advice(
+        "grasp",
+        fmt::format("weigh_window_ms = {:g} with lift_accelerates_ms = {:g}: where the hand swings along gravity from the "
+                    "lift on, a crest of {} at 1 Hz, or of {} at 0.5 Hz, looks like a load at rest, and its "
+                    "acceleration is weighed as mass",
+                    grasp.weigh_window_ms, grasp.lift_accelerates_ms, up_to(1, grasp.weigh_window_ms),
+                    up_to(0.5, grasp.weigh_window_ms)),
+        fmt::format("if the hand can swing: lift_accelerates_ms = {:g}, or weigh_window_ms = {:g} ({} at 1 Hz), or let "
+                    "the robot report its acceleration",
+                    grasp::Setup{}.lift_accelerates_ms, longer_ms, up_to(1, longer_ms)));
 }
 
 }  // namespace
@@ -191,7 +190,7 @@ void look_at_safety(const Node& node, Findings& found) {
     if (node.config.grasp) look_at_swings(*node.config.grasp, found);
     for (const auto& link : node.links)
         if (const std::string advice = link->driver != nullptr ? link->driver->advice() : ""; !advice.empty())
-            found.push_back({"line", Verdict::advice, fmt::format("link \"{}\": {}", link->name, advice), ""});
+            found.advice("line", fmt::format("link \"{}\": {}", link->name, advice), "");
     for (std::size_t i = 0; i < node.config.sensors.size(); ++i) look_at_sensor(node, i, found);
 }
 

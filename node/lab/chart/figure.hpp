@@ -50,7 +50,7 @@ struct Figure {
         bool centred = false, upright = false;
         int colour = kInk;
     };
-    std::string title;  // "" = none
+    std::string title = "";  // "" = none
     Axis x, y;
     std::vector<Series> series = {};
     std::vector<Note> notes = {};

@@ -57,8 +57,7 @@ std::string scatter(const std::string& about, const std::string& x_label, const 
     std::vector<double> y;
     for (const Row& row : rows) y.push_back(row.error);
     const Span across = as_axis(span_of(x));
-    const Figure figure{.title = "",
-                        .x = {.label = x_label, .range = across},
+    const Figure figure{.x = {.label = x_label, .range = across},
                         .y = {.label = y_label},
                         .series = {{"no error", Symbol::none, Stroke::dashed, {{across.min, 0}, {across.max, 0}}, kOrange},
                                    held_out_rows(x, y)}};

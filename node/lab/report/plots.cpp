@@ -25,8 +25,7 @@ Figure::Series line(const std::string& name, Points points, Stroke stroke = Stro
 std::string applied_estimated(const ComponentErrors& errors, const std::string& name, const std::string& unit) {
     const Span a = span_of(errors.applied), e = span_of(errors.estimated);
     const Span both = as_axis({std::min(a.min, e.min), std::max(a.max, e.max)});
-    const Figure figure{.title = "",
-                        .x = {.label = fmt::format("applied {}, {}", name, unit), .range = both},
+    const Figure figure{.x = {.label = fmt::format("applied {}, {}", name, unit), .range = both},
                         .y = {.label = fmt::format("estimated {}, {}", name, unit), .range = both},
                         .series = {line("equal", {{both.min, both.min}, {both.max, both.max}}, Stroke::dashed),
                                    held_out_rows(errors.applied, errors.estimated)}};
@@ -38,8 +37,7 @@ std::string applied_estimated(const ComponentErrors& errors, const std::string& 
 std::string residuals(const FitReport& report, std::size_t i, const ComponentErrors& errors, const std::string& unit) {
     const std::string& name = report.components[i].name;
     const Span x = as_axis(span_of(errors.applied));
-    Figure figure{.title = "",
-                  .x = {.label = fmt::format("applied {}, {}", name, unit), .range = x},
+    Figure figure{.x = {.label = fmt::format("applied {}, {}", name, unit), .range = x},
                   .y = {.label = fmt::format("estimated − applied, {}", unit)}};
     if (errors.sd_known) {
         Points band;
@@ -96,7 +94,6 @@ std::string distribution(const ComponentReport& component, const ComponentErrors
         normal.push_back({z, std::exp(-z * z / 2) / std::sqrt(2 * M_PI)});
     }
     const Figure figure{
-        .title = "",
         .x = {.label = fmt::format("error of {} / {}", component.name, scale), .range = x},
         .y = {.label = fmt::format("share of errors per {}", scale), .range = Span{0, 1.06 * std::max(0.4, highest(bars))}},
         .series = {bars, line("normal distribution", normal)}};
@@ -131,8 +128,7 @@ std::string load_histogram(const ComponentReport& component, const std::vector<W
     if (values.empty()) return "";
     const Span x = as_axis(span_of(values), 0);
     const auto bars = histogram("", values, x, 1);
-    const Figure figure{.title = "",
-                        .x = {.label = fmt::format("applied {}, {}", component.name, unit_of(component)), .range = x},
+    const Figure figure{.x = {.label = fmt::format("applied {}, {}", component.name, unit_of(component)), .range = x},
                         .y = {.label = "rows", .range = Span{0, 1.06 * highest(bars)}},
                         .series = {bars}};
     return html_figure(figure, component.name + ": histogram of the loads",
@@ -148,8 +144,7 @@ std::string load_pair(const ComponentReport& a, const ComponentReport& b, const 
             y.push_back(vb);
         }
     if (x.empty()) return "";
-    const Figure figure{.title = "",
-                        .x = {.label = fmt::format("applied {}, {}", a.name, unit_of(a))},
+    const Figure figure{.x = {.label = fmt::format("applied {}, {}", a.name, unit_of(a))},
                         .y = {.label = fmt::format("applied {}, {}", b.name, unit_of(b))},
                         .series = {held_out_rows(x, y)}};
     return html_figure(figure, fmt::format("loads: {} against {}", b.name, a.name),
@@ -183,12 +178,7 @@ double ComponentErrors::within(double times) const {
     return double(n) / double(error.size());
 }
 
-double ComponentErrors::median_sd() const {
-    if (!sd_known || sd.empty()) return kNaN;
-    std::vector<double> sorted = sd;
-    std::nth_element(sorted.begin(), sorted.begin() + std::ptrdiff_t(sorted.size() / 2), sorted.end());
-    return sorted[sorted.size() / 2];
-}
+double ComponentErrors::median_sd() const { return sd_known ? median(sd) : kNaN; }
 
 ComponentErrors::Worst ComponentErrors::worst_session() const {
     std::map<std::size_t, std::pair<double, double>> squares;  // sum, rows

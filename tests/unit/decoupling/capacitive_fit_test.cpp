@@ -10,7 +10,6 @@
 
 #include "capacitive_pads.hpp"
 #include "decoupling/fit/capacitive_fit.hpp"
-#include "decoupling/fit/capacitive_model.hpp"
 #include "made_by_hand.hpp"
 
 namespace tactiled {

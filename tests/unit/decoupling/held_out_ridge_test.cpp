@@ -1,5 +1,5 @@
 // The errors of ridges on rows that are left out, beside a direct computation; which ridge is taken.
-#include "decoupling/fit/held_out_ridge.hpp"
+#include "decoupling/fit/corrections.hpp"
 
 #include <gtest/gtest.h>
 

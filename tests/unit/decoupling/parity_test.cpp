@@ -6,8 +6,8 @@
 #include <cmath>
 #include <random>
 
+#include "decoupling/fit/domain_fit.hpp"
 #include "decoupling/fit/fit.hpp"
-#include "decoupling/fit/parity_fit.hpp"
 #include "made_by_hand.hpp"
 
 namespace tactiled {

@@ -1,5 +1,5 @@
 // The calibration records the repetition of numbers at rest.
-#include "decoupling/fit/repeats.hpp"
+#include "decoupling/fit/recording_checks.hpp"
 
 #include <gtest/gtest.h>
 
