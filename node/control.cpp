@@ -217,11 +217,8 @@ void ControlSocket::load_objects(Descriptor client) {
 void ControlSocket::begin(Descriptor client, Command command) {
     command.number = ++number_;
     command.until_ns = monotonic_ns() + std::uint64_t(kAnswerMs) * 1'000'000u;
-    Command* const slot = asker_ < 0 ? commands_.claim() : nullptr;
-    if (slot == nullptr) return answer(client, TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);  // one at a time
-    *slot = command;
-    commands_.push();
-    commands_.commit();
+    if (asker_ >= 0 || !commands_.send(command))  // one at a time
+        return answer(client, TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
     asker_ = std::move(client);
     give_up_ns_ = command.until_ns;
 }
