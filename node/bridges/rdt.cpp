@@ -51,14 +51,13 @@ class Stream {
 public:
     Stream(const Args& args, std::string sensor, const std::string& listen, std::uint32_t zero)
         : args_(args), sensor_(std::move(sensor)), zero_(zero), allow_(args.allow) {
-        socklen_t size = 0;
-        const sockaddr_storage address = modbus::listen_address(listen, size);
-        fd_.reset(::socket(address.ss_family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+        const ListenAddress address = check_listen_address(listen);
+        fd_.reset(::socket(address.bytes.ss_family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
         const int one = 1;
         // The kernel then reports which client has gone.
         ::setsockopt(fd_, IPPROTO_IP, IP_RECVERR, &one, sizeof one);
-        if (address.ss_family == AF_INET6) ::setsockopt(fd_, IPPROTO_IPV6, IPV6_RECVERR, &one, sizeof one);
-        if (fd_ < 0 || ::bind(fd_, reinterpret_cast<const sockaddr*>(&address), size) != 0)
+        if (address.bytes.ss_family == AF_INET6) ::setsockopt(fd_, IPPROTO_IPV6, IPV6_RECVERR, &one, sizeof one);
+        if (fd_ < 0 || ::bind(fd_, reinterpret_cast<const sockaddr*>(&address.bytes), address.size) != 0)
             throw SetupError(fmt::format("--listen {}: {}", listen, std::strerror(errno)));
     }
 

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "config/network_address.hpp"
 #include "drivers/clock.hpp"
 #include "node/log.hpp"
 
@@ -159,12 +160,11 @@ void ModbusServer::serve_line(std::uint64_t now_ns, bool readable) {
 // ---- the port --------------------------------------------------------------------------------------------------------
 
 void ModbusServer::try_to_listen(std::uint64_t now_ns) {
-    socklen_t size = 0;
-    const sockaddr_storage address = modbus::listen_address(settings_.listen, size);
+    const ListenAddress address = check_listen_address(settings_.listen);
     const int one = 1;
-    listener_.reset(::socket(address.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+    listener_.reset(::socket(address.bytes.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
     if (listener_ >= 0) ::setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
-    if (listener_ >= 0 && ::bind(listener_, reinterpret_cast<const sockaddr*>(&address), size) == 0 &&
+    if (listener_ >= 0 && ::bind(listener_, reinterpret_cast<const sockaddr*>(&address.bytes), address.size) == 0 &&
         ::listen(listener_, kBacklog) == 0) {
         watch(epoll_, EPOLL_CTL_ADD, listener_, EPOLLIN);
         if (!complaint_.empty()) log_line(LogLevel::info, "Modbus: listening on {}", settings_.listen);
