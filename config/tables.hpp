@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "config/config.hpp"
 #include "config/fields.hpp"
 
 namespace tactiled {
