@@ -14,12 +14,8 @@ void put(const Estimate& e, tactiled_sample& s) noexcept {
     s.residual = e.residual;
     s.state |= (e.direction & 31u) << 8;
     std::copy_n(e.cop_S_m.begin(), 2, s.cop_S_m);
-    for (std::size_t i = 0; i < 3; ++i) {
-        s.raw_force_S_N[i] = e.wrench_S[i];
-        s.raw_torque_S_Nm[i] = e.wrench_S[i + 3];
-        s.sd_force_N[i] = e.sd[i];
-        s.sd_torque_Nm[i] = e.sd[i + 3];
-    }
+    put_wrench(e.wrench_S, s.raw_force_S_N, s.raw_torque_S_Nm);
+    put_wrench(e.sd, s.sd_force_N, s.sd_torque_Nm);
 }
 
 }  // namespace
@@ -214,29 +210,18 @@ void Sensor::judge_zero(tactiled_sample& s) const noexcept {
 // While the force changes, the delays of the chain and of the low pass contribute to the standard deviation.
 inline void Sensor::judge_latency(tactiled_sample& s) noexcept {
     if (s.quality == TACTILED_BAD) return latency_.forget();
-    Wrench raw, sd;
-    for (std::size_t i = 0; i < 3; ++i) {
-        raw[i] = s.raw_force_S_N[i];
-        raw[i + 3] = s.raw_torque_S_Nm[i];
-        sd[i] = s.sd_force_N[i];
-        sd[i + 3] = s.sd_torque_Nm[i];
-    }
-    latency_.widen(raw, s.t_ns, sd);
-    std::copy_n(sd.begin(), 3, s.sd_force_N);
-    std::copy_n(sd.begin() + 3, 3, s.sd_torque_Nm);
+    Wrench sd = wrench_of(s.sd_force_N, s.sd_torque_Nm);
+    latency_.widen(wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm), s.t_ns, sd);
+    put_wrench(sd, s.sd_force_N, s.sd_torque_Nm);
 }
 
 // Sets force and torque to the raw wrench minus the zero, after the low pass.
 void Sensor::put_tared(tactiled_sample& s) noexcept {
     const Wrench& zero = zero_S();
-    Wrench tared;
-    for (std::size_t i = 0; i < 3; ++i) {
-        tared[i] = s.raw_force_S_N[i] - zero[i];
-        tared[i + 3] = s.raw_torque_S_Nm[i] - zero[i + 3];
-    }
+    Wrench tared = wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm);
+    for (std::size_t i = 0; i < tared.size(); ++i) tared[i] -= zero[i];
     if (s.quality != TACTILED_BAD) low_pass_.apply(tared, s.t_ns);
-    std::copy_n(tared.begin(), 3, s.force_S_N);
-    std::copy_n(tared.begin() + 3, 3, s.torque_S_Nm);
+    put_wrench(tared, s.force_S_N, s.torque_S_Nm);
 }
 
 // Sets contact, overload and peak from the measured components. Without a value there is no contact, so the contact of the
@@ -298,9 +283,6 @@ void Sensor::start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept {
 }
 
 void Sensor::set(const SensorSettable& settable) noexcept {
-    const auto or_configured = [](double requested, double configured) {
-        return std::isnan(requested) ? configured : requested;
-    };
     requested_ = settable;
     in_force_.filter_Hz = or_configured(settable.filter_Hz, tuning_->filter_hz);
     in_force_.contact_on_N = or_configured(settable.contact_on_N, tuning_->contact_on_N);
