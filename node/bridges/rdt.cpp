@@ -156,9 +156,7 @@ private:
             message.msg_control = control.data();
             message.msg_controllen = control.size();
             if (::recvmsg(fd_, &message, MSG_ERRQUEUE) < 0) return;
-            clients_.erase(
-                std::remove_if(clients_.begin(), clients_.end(), [&](const Client& c) { return is_same(c.address, to); }),
-                clients_.end());
+            std::erase_if(clients_, [&](const Client& c) { return is_same(c.address, to); });
         }
     }
 

@@ -9,7 +9,6 @@
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -23,6 +22,7 @@
 #include <optional>
 #include <utility>
 
+#include "drivers/clock.hpp"
 #include "node/shm/folder.hpp"
 #include "node/shm/frame_record.hpp"
 #include "node/shm/lock_file.hpp"
@@ -149,9 +149,7 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
     ::syscall(SYS_membarrier, MEMBARRIER_CMD_REGISTER_GLOBAL_EXPEDITED, 0, 0);
 
     // The time since boot in units of 17 ms differs from the epoch of each earlier start, also if a clean end left no file.
-    timespec now{};
-    ::clock_gettime(CLOCK_BOOTTIME, &now);
-    auto epoch = std::uint32_t((std::uint64_t(now.tv_sec) * 1'000'000'000u + std::uint64_t(now.tv_nsec)) >> 24);
+    auto epoch = std::uint32_t(with_suspend_ns() >> 24);
     // Held from reading the old file until the new file has its name, to serialise daemons that start at the same time. The
     // lock of the segment is not suitable, because a reader may hold a lock on that file. In /dev/shm another user can
     // create the file of this lock; two daemons of one name that start at the same time are then not serialised.
