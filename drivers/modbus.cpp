@@ -78,8 +78,7 @@ public:
         const std::uint64_t until_ns = now_ns() + std::uint64_t(timeout_ms) * 1'000'000;
         for (;;) {
             if (asking_ == nullptr) {
-                Device& next = *std::min_element(devices_.begin(), devices_.end(),
-                                                 [](const Device& a, const Device& b) { return a.due_ns < b.due_ns; });
+                Device& next = *std::ranges::min_element(devices_, {}, &Device::due_ns);
                 const std::uint64_t begins_ns = std::max(next.due_ns, quiet_until_ns_);
                 if (!wait(std::min(begins_ns, until_ns), POLLRDHUP)) return Status::disconnected;
                 if (now_ns() < begins_ns) return Status::timeout;

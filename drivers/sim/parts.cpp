@@ -78,8 +78,7 @@ std::vector<Part> parts_of(const Scene& scene, double margin_s) {
     const double shortest_s = double(kMinSamples) / scene.rate_Hz + 2 * margin_s;
     const auto length_s = [](const Part& p) { return p.end_s - p.begin_s; };
     while (parts.size() > 1) {
-        const auto least = std::min_element(parts.begin(), parts.end(),
-                                            [&](const Part& a, const Part& b) { return length_s(a) < length_s(b); });
+        const auto least = std::ranges::min_element(parts, {}, length_s);
         if (parts.size() <= kMaxParts && length_s(*least) >= shortest_s) break;
         const auto next =
             least + 1 == parts.end() || (least != parts.begin() && length_s(*(least - 1)) < length_s(*(least + 1)))
