@@ -15,7 +15,6 @@
 #include <bit>
 #include <cassert>
 #include <cerrno>
-#include <climits>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
