@@ -20,7 +20,7 @@ constexpr Range kFinite{-1e300, 1e300};  // room below overflow for products of 
 constexpr Range kNotNegative{0, 1e300};
 constexpr Range kLimit{1e-9, 1e9};
 
-// As many numbers as there are channels or components; any number if these are wrong.
+// Returns the number of channels or components as the count of numbers; any number if these are wrong.
 Count as_many_as(const std::vector<std::string>& names) {
     return names.empty() ? Count{} : Count{names.size(), names.size()};
 }

@@ -49,7 +49,7 @@ gpiod_line_value value_of(bool high) { return high ? GPIOD_LINE_VALUE_ACTIVE : G
 struct GpioLine {
     gpiod_line_request* request = nullptr;
     unsigned offset = 0;
-    gpiod_edge_event_buffer* buffer = nullptr;  // of a line with edges
+    gpiod_edge_event_buffer* buffer = nullptr;  // for the edges of the line
     unsigned long sequence = 0;                 // number of the last edge
 
     GpioLine() = default;
