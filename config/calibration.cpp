@@ -7,7 +7,6 @@
 #include <charconv>
 #include <chrono>
 
-#include "config/calibration_domain.hpp"
 #include "config/names.hpp"
 #include "config/seal.hpp"
 #include "config/text_file.hpp"
@@ -19,6 +18,17 @@ constexpr std::size_t kMaxBytes = std::size_t{16} << 20;
 constexpr std::size_t kMaxMethods = 16;
 constexpr Range kFinite{-1e300, 1e300};  // room below overflow for products of a few numbers
 constexpr Range kNotNegative{0, 1e300};
+constexpr Range kLimit{1e-9, 1e9};
+
+// Returns the number of channels or components as the count of numbers; any number if these are wrong.
+Count as_many_as(const std::vector<std::string>& names) {
+    return names.empty() ? Count{} : Count{names.size(), names.size()};
+}
+
+// Reports rows whose number is not that of `of`, "channels" or "components", which is 0 if these are wrong.
+void check_number_of_rows(Options& table, const char* key, std::size_t rows, std::size_t needed, const char* of) {
+    if (needed != 0 && rows != needed) table.problem(key, fmt::format("{} has {} rows for {} {}", key, rows, needed, of));
+}
 
 bool is_date(const std::string& text) {
     int year = 0;
@@ -65,7 +75,7 @@ void read_channels(Options& file, Calibration& calibration) {
         if (std::find(channels.begin(), at, *at) != at)
             file.problem("channels", fmt::format("channels has {} twice", in_quotes(*at)));
     }
-    const Count each = channels.empty() ? Count{} : Count{channels.size(), channels.size()};
+    const Count each = as_many_as(channels);
     calibration.channel_least = file.numbers("channel_least", kFinite, each);
     calibration.channel_most = file.numbers("channel_most", kFinite, each);
     calibration.zero_drift = file.numbers("zero_drift", kNotNegative, each);
@@ -78,11 +88,66 @@ void read_channels(Options& file, Calibration& calibration) {
                          fmt::format("channel_most[{0}] = {1} is below channel_least[{0}] = {2}", i, max[i], min[i]));
 }
 
+// Reports rows that do not form a lower triangle.
+void check_triangle(Options& table, const char* key, const std::vector<std::vector<double>>& rows) {
+    for (std::size_t i = 0; i < rows.size(); ++i)
+        if (rows[i].size() != i + 1)
+            table.problem(
+                key, fmt::format("{}[{}] has {} numbers; a lower triangle has {} there", key, i, rows[i].size(), i + 1));
+}
+
+void check_rows(Options& table, const char* key, const std::vector<std::vector<double>>& rows, std::size_t numbers) {
+    for (std::size_t i = 0; i < rows.size(); ++i)
+        if (rows[i].size() != numbers)
+            table.problem(key, fmt::format("{}[{}] has {} numbers; {} are needed", key, i, rows[i].size(), numbers));
+}
+
+void read_curved_domain(Options& file, std::size_t n, CurvedDomain& domain) {
+    if (!file.has("curved")) return;
+    Options table = file.table("curved");
+    domain.directions = table.rows("directions");
+    domain.feature_mean = table.numbers("feature_mean", kFinite);
+    domain.feature_whitening = table.rows("feature_whitening");
+    domain.growth = table.number("growth", {0, 1e9});
+    domain.coefficients = table.rows("coefficients");
+    domain.whitening = table.rows("whitening");
+    domain.limit = table.number("limit", kLimit);
+    domain.false_alarms = table.number("false_alarms", {0, 1}, 0);
+    const std::size_t m = domain.directions.size(), features = curved_features(m);
+    if (m < 1 || m > kMaxDirections)
+        table.problem("directions", fmt::format("directions has {} rows; 1 .. {} are possible", m, kMaxDirections));
+    const auto check_size = [&](const char* key, std::size_t size, std::size_t needed) {
+        if (size != needed) table.problem(key, fmt::format("{} has {} entries; {} are needed", key, size, needed));
+    };
+    check_size("feature_mean", domain.feature_mean.size(), features);
+    check_size("feature_whitening", domain.feature_whitening.size(), features);
+    check_triangle(table, "feature_whitening", domain.feature_whitening);
+    check_rows(table, "coefficients", domain.coefficients, features);
+    check_triangle(table, "whitening", domain.whitening);
+    if (n == 0) return;
+    check_rows(table, "directions", domain.directions, n);
+    check_size("coefficients", domain.coefficients.size(), n);
+    check_size("whitening", domain.whitening.size(), n);
+}
+
+void read_joint_domain(Options& file, Calibration& calibration) {
+    if (!file.has("joint_domain")) return;
+    Options table = file.table("joint_domain");
+    JointDomain& domain = calibration.joint_domain;
+    const std::size_t n = calibration.channels.size();
+    domain.mean = table.numbers("mean", kFinite, as_many_as(calibration.channels));
+    domain.whitening = table.rows("whitening");
+    domain.limit = table.number("limit", kLimit);
+    domain.false_alarms = table.number("false_alarms", {0, 1}, 0);
+    check_number_of_rows(table, "whitening", domain.whitening.size(), n, "channels");
+    check_triangle(table, "whitening", domain.whitening);
+    read_curved_domain(table, n, domain.curved);
+}
+
 void read_parity(Options& file, Calibration& calibration) {
     if (!file.has("parity")) return;
     Options table = file.table("parity");
-    const std::size_t n = calibration.channels.size();
-    const Count each = n == 0 ? Count{} : Count{n, n};
+    const Count each = as_many_as(calibration.channels);
     Parity& parity = calibration.parity;
     parity.order = int(table.integer("order", {1, 2}));
     parity.centre = table.numbers("centre", kFinite, each);
@@ -90,16 +155,13 @@ void read_parity(Options& file, Calibration& calibration) {
     parity.coefficients = table.rows("coefficients");
     parity.sd = table.numbers("sd", kNotNegative, each);
     parity.false_alarms = table.number("false_alarms", {0, 1}, 0);
-    if (n != 0 && parity.coefficients.size() != n)
-        table.problem("coefficients",
-                      fmt::format("coefficients has {} rows for {} channels", parity.coefficients.size(), n));
+    check_number_of_rows(table, "coefficients", parity.coefficients.size(), calibration.channels.size(), "channels");
 }
 
 void read_temperature(Options& file, Calibration& calibration) {
     if (!file.has("temperature")) return;
     Options table = file.table("temperature");
-    const std::size_t n = calibration.channels.size();
-    const Count each = n == 0 ? Count{} : Count{n, n};
+    const Count each = as_many_as(calibration.channels);
     constexpr Range kCelsius{-273.15, 1000};
     Temperature& temperature = calibration.temperature;
     temperature.reference_C = table.number("reference_C", kCelsius);
@@ -114,8 +176,7 @@ void read_temperature(Options& file, Calibration& calibration) {
 void read_repeats(Options& file, Calibration& calibration) {
     if (!file.has("repeats")) return;
     Options table = file.table("repeats");
-    const std::size_t n = calibration.channels.size();
-    for (const double readings : table.numbers("readings", {0, 1e6}, n == 0 ? Count{} : Count{n, n}))
+    for (const double readings : table.numbers("readings", {0, 1e6}, as_many_as(calibration.channels)))
         calibration.repeats.readings.push_back(int(readings));
     calibration.repeats.interval_s = table.number("interval_s", {0, 1e6}, 0);
 }
@@ -134,8 +195,7 @@ void read_components(Options& file, Calibration& calibration) {
         }
         next = found + 1;
     }
-    const Count each = components.empty() ? Count{} : Count{components.size(), components.size()};
-    calibration.full_scale = file.numbers("full_scale", kNotNegative, each);
+    calibration.full_scale = file.numbers("full_scale", kNotNegative, as_many_as(components));
 }
 
 // Reads the fit of the file itself, or of one of its [[other]] tables.
@@ -145,24 +205,22 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
         file.problem("method", fmt::format("method = {}; {}", in_quotes(fit.method), kValidName));
     const std::size_t n_rows = calibration.components.size(), n = calibration.channels.size();
     missing(file, "zero", "what each channel reads at no load");
-    fit.zero = file.numbers("zero", kFinite, n == 0 ? Count{} : Count{n, n});
-    const Count each = n_rows == 0 ? Count{} : Count{n_rows, n_rows};
+    fit.zero = file.numbers("zero", kFinite, as_many_as(calibration.channels));
+    const Count each = as_many_as(calibration.components);
     fit.sd = file.numbers("sd", kNotNegative, each);
     fit.sd_slope = file.numbers("sd_slope", kNotNegative, each);
     fit.sd_load = file.numbers("sd_load", kNotNegative, each);
     fit.sd_unloading = file.numbers("sd_unloading", kNotNegative, each);
     fit.held_out_rms = file.numbers("held_out_rms", kNotNegative, each);
-    fit.parity_harmless = file.numbers("parity_harmless", kNotNegative, n == 0 ? Count{} : Count{n, n});
+    fit.parity_harmless = file.numbers("parity_harmless", kNotNegative, as_many_as(calibration.channels));
     fit.sd_without = file.rows("sd_without");
-    if (!fit.sd_without.empty() && n != 0 && fit.sd_without.size() != n)
-        file.problem("sd_without", fmt::format("sd_without has {} rows for {} channels", fit.sd_without.size(), n));
+    if (!fit.sd_without.empty()) check_number_of_rows(file, "sd_without", fit.sd_without.size(), n, "channels");
     for (std::size_t i = 0; i < fit.sd_without.size(); ++i)
         if (n_rows != 0 && fit.sd_without[i].size() != n_rows)
             file.problem("sd_without", fmt::format("sd_without[{}] has {} numbers for {} components", i,
                                                    fit.sd_without[i].size(), n_rows));
     fit.matrix = file.rows("matrix");
-    if (!fit.matrix.empty() && n_rows != 0 && fit.matrix.size() != n_rows)
-        file.problem("matrix", fmt::format("matrix has {} rows for {} components", fit.matrix.size(), n_rows));
+    if (!fit.matrix.empty()) check_number_of_rows(file, "matrix", fit.matrix.size(), n_rows, "components");
     for (std::size_t i = 0; i < fit.matrix.size(); ++i)
         if (n != 0 && fit.matrix[i].size() != n)
             file.problem("matrix", fmt::format("matrix[{}] has {} numbers for {} channels", i, fit.matrix[i].size(), n));

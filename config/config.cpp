@@ -59,9 +59,8 @@ void check_unique(std::vector<Settings>& all, const char* kind) {
 }
 
 void bind_links(std::vector<LinkSettings>& links, std::vector<SensorSettings>& sensors) {
-    std::vector<std::string> names;
-    for (const auto& link : links)
-        if (!link.name.empty()) names.push_back(link.name);
+    std::vector<std::string> names = names_of(links);
+    std::erase(names, "");
     for (auto& sensor : sensors) {
         if (sensor.link.empty()) continue;  // the error is reported already
         const auto link = std::find_if(links.begin(), links.end(), [&](const auto& l) { return l.name == sensor.link; });
@@ -69,14 +68,17 @@ void bind_links(std::vector<LinkSettings>& links, std::vector<SensorSettings>& s
             ++link->sensors;
             continue;
         }
-        const auto near = nearest_name(sensor.link, names);
-        sensor.options.problem("link", fmt::format("link = {} is no [[link]]; {}", in_quotes(sensor.link),
-                                                   near ? fmt::format("did you mean \"{}\"?", *near)
-                                                        : fmt::format("known: {}", fmt::join(names, ", "))));
+        sensor.options.problem("link", is_no("link", sensor.link, "link", names));
     }
 }
 
 }  // namespace
+
+std::string is_no(const char* key, const std::string& name, const char* table, const std::vector<std::string>& names) {
+    const auto near = nearest_name(name, names);
+    return fmt::format("{} = {} is no [[{}]]; {}", key, in_quotes(name), table,
+                       near ? fmt::format("did you mean \"{}\"?", *near) : fmt::format("known: {}", fmt::join(names, ", ")));
+}
 
 Options no_options() {
     static Problems none;

@@ -9,13 +9,20 @@
 #include <vector>
 
 #include "config/options.hpp"
-#include "config/reload.hpp"
 
 namespace tactiled {
 
 inline constexpr std::size_t kMaxSensors = 16, kMaxLinks = 16;  // TACTILED_MAX_SENSORS and _LINKS
 
 Options no_options();  // an empty table without a file
+
+// The effect of a changed value when the daemon reads its configuration again (SIGHUP). It follows from the structure that
+// holds the value: each structure of settings has kReload.
+enum class Reload {
+    restart,  // the reload is refused: the daemon must be restarted
+    tune,     // takes effect without a lost sample; neither the measured value nor its zero changes
+    epoch,    // takes effect without a lost sample; the sensor begins a new epoch without its tare
+};
 
 struct NodeSettings {
     static constexpr Reload kReload = Reload::restart;

@@ -10,8 +10,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "config/options.hpp"
-#include "config/reload.hpp"
+#include "config/config.hpp"
 
 namespace tactiled {
 

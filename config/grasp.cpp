@@ -1,6 +1,5 @@
 // [grasp]: the sensors on the jaws and their orientation.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -56,19 +55,15 @@ JawSettings read_jaw(Options table) {
 }
 
 void check_jaws(Options& grasp, std::vector<JawSettings>& jaws, const std::vector<SensorSettings>& sensors) {
-    std::vector<std::string> names;
-    for (const auto& sensor : sensors) names.push_back(sensor.name);
+    const std::vector<std::string> names = names_of(sensors);
     double shares = 0;
     for (auto jaw = jaws.begin(); jaw != jaws.end(); ++jaw) {
         shares += jaw->share;
         if (jaw->sensor.empty()) continue;  // the error is reported already
         if (std::any_of(jaws.begin(), jaw, [&](const auto& j) { return j.sensor == jaw->sensor; }))
             jaw->options.problem("sensor", fmt::format("sensor = {} has a [[grasp.jaw]] already", in_quotes(jaw->sensor)));
-        if (std::find(names.begin(), names.end(), jaw->sensor) != names.end()) continue;
-        const auto near = nearest_name(jaw->sensor, names);
-        jaw->options.problem("sensor", fmt::format("sensor = {} is no [[sensor]]; {}", in_quotes(jaw->sensor),
-                                                   near ? fmt::format("did you mean \"{}\"?", *near)
-                                                        : fmt::format("known: {}", fmt::join(names, ", "))));
+        if (std::find(names.begin(), names.end(), jaw->sensor) == names.end())
+            jaw->options.problem("sensor", is_no("sensor", jaw->sensor, "sensor", names));
     }
     const bool mixed = std::any_of(jaws.begin(), jaws.end(), [](const auto& j) { return j.share == 0; }) && shares > 0;
     if (mixed) grasp.problem("jaw", "give each [[grasp.jaw]] its share, or none: then all jaws of the gripper carry alike");

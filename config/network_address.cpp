@@ -6,6 +6,7 @@
 #include <array>
 #include <charconv>
 #include <cstdint>
+#include <cstring>
 #include <optional>
 #include <string_view>
 
@@ -48,7 +49,7 @@ bool is_loopback(const Address& address) {
 
 ListenAddress check_listen_address(const std::string& text) {
     const auto wrong = [&](const std::string& why) {
-        return ListenAddress{fmt::format("listen = {} {}", in_quotes(text), why), false};
+        return ListenAddress{.fault = fmt::format("listen = {} {}", in_quotes(text), why)};
     };
     const std::size_t colon = text.rfind(':');
     if (colon == text.npos) return wrong("has no port; write ADDRESS:PORT, for example \"127.0.0.1:1502\"");
@@ -60,9 +61,16 @@ ListenAddress check_listen_address(const std::string& text) {
         return wrong(
             "has no numeric address; write \"192.168.0.5:502\" or \"[::1]:502\" (127.0.0.1 for localhost, 0.0.0.0 for every "
             "interface)");
-    if (!parse_number(std::string_view(text).substr(colon + 1), 1, 65535))
-        return wrong("has no port of 1 .. 65535 at its end");
-    return {"", is_loopback(*address)};
+    const auto port = parse_number(std::string_view(text).substr(colon + 1), 1, 65535);
+    if (!port) return wrong("has no port of 1 .. 65535 at its end");
+    ListenAddress listen{.fault = "", .loopback = is_loopback(*address)};
+    auto& v4 = reinterpret_cast<sockaddr_in&>(listen.bytes);
+    auto& v6 = reinterpret_cast<sockaddr_in6&>(listen.bytes);
+    v4.sin_family = bracketed ? AF_INET6 : AF_INET;
+    v4.sin_port = htons(std::uint16_t(*port));  // both families have the port in the same place
+    std::memcpy(bracketed ? static_cast<void*>(&v6.sin6_addr) : &v4.sin_addr, address->bytes.data(), address->bits / 8);
+    listen.size = bracketed ? sizeof v6 : sizeof v4;
+    return listen;
 }
 
 std::string fault_of_network(const std::string& text) {

@@ -180,8 +180,7 @@ SensorSettings read_sensor(Options table, const std::string& folder) {
 }
 
 void pair_sensors(std::vector<SensorSettings>& sensors) {
-    std::vector<std::string> names;
-    for (const auto& sensor : sensors) names.push_back(sensor.name);
+    const std::vector<std::string> names = names_of(sensors);
     for (std::size_t i = 0; i < sensors.size(); ++i) {
         SensorSettings& one = sensors[i];
         if (one.agrees_with.empty()) continue;

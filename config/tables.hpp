@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "config/config.hpp"
 #include "config/fields.hpp"
 
 namespace tactiled {
@@ -23,6 +22,16 @@ const Fields<ModbusSettings>& modbus_fields();
 const Fields<RtuSettings>& rtu_fields();
 const Fields<ShmSettings>& shm_fields();
 const Fields<GpioSettings>& gpio_fields();
+
+// Returns the names of links or sensors, and `name` with what is wrong with it if it is not among them: `link = "x" is no
+// [[link]]; did you mean "y"?`. setup
+template <typename Settings>
+std::vector<std::string> names_of(const std::vector<Settings>& all) {
+    std::vector<std::string> names;
+    for (const auto& one : all) names.push_back(one.name);
+    return names;
+}
+std::string is_no(const char* key, const std::string& name, const char* table, const std::vector<std::string>& names);
 
 // Reads one [[sensor]]. setup: never throws for bad input
 SensorSettings read_sensor(Options table, const std::string& folder);

@@ -1,6 +1,5 @@
 // [tool]: forces in the gripper's frame, minus the weight of the hand.
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <limits>
@@ -36,13 +35,9 @@ void check_name(std::vector<ToolSensorSettings>& all, ToolSensorSettings& one, c
     const auto same = [&](const auto& other) { return &other != &one && other.sensor == one.sensor; };
     if (std::any_of(all.begin(), all.end(), same))
         one.options.problem("sensor", fmt::format("sensor = {} has two [[tool.sensor]]", in_quotes(one.sensor)));
-    std::vector<std::string> names;
-    for (const auto& sensor : sensors) names.push_back(sensor.name);
-    if (std::find(names.begin(), names.end(), one.sensor) != names.end()) return;
-    const auto near = nearest_name(one.sensor, names);
-    one.options.problem("sensor", fmt::format("sensor = {} is no [[sensor]]; {}", in_quotes(one.sensor),
-                                              near ? fmt::format("did you mean \"{}\"?", *near)
-                                                   : fmt::format("known: {}", fmt::join(names, ", "))));
+    const std::vector<std::string> names = names_of(sensors);
+    if (std::find(names.begin(), names.end(), one.sensor) == names.end())
+        one.options.problem("sensor", is_no("sensor", one.sensor, "sensor", names));
 }
 
 }  // namespace

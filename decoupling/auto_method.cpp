@@ -75,8 +75,7 @@ void measure(std::vector<FrontMethod>& methods, const Calibration& calibration) 
 // Returns false if the cost of one of them is unknown.
 bool take_known(std::vector<FrontMethod>& methods, const std::vector<MethodCost>& costs) {
     for (auto& each : methods) {
-        const auto known = std::find_if(costs.begin(), costs.end(),
-                                        [&](const MethodCost& cost) { return cost.method == each.cost.method; });
+        const auto known = std::ranges::find(costs, each.cost.method, &MethodCost::method);
         if (known == costs.end() || !(known->us > 0) || !std::isfinite(known->us)) return false;
         each.cost.us = known->us;
     }

@@ -22,8 +22,7 @@ Calibration fit_for(const Calibration& calibration, const MethodEntry& method) {
     // A calibration without a method uses the model's default.
     const bool is_default = method_names(calibration.model).front() == name;
     const bool fitted = (calibration.method.empty() && is_default) || calibration.method == name ||
-                        std::any_of(calibration.others.begin(), calibration.others.end(),
-                                    [&](const Fit& other) { return other.method == name; });
+                        std::ranges::find(calibration.others, name, &Fit::method) != calibration.others.end();
     if (!fitted && calibration.method != method.sd_of) {
         one.sd.clear();
         one.sd_slope.clear();

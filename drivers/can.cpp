@@ -26,6 +26,7 @@
 #include "drivers/can_netlink.hpp"
 #include "drivers/can_plan.hpp"
 #include "drivers/clock.hpp"
+#include "drivers/descriptor.hpp"
 #include "drivers/driver.hpp"
 #include "drivers/wire/can_sample.hpp"
 #include "drivers/wire/clock_fit.hpp"
@@ -63,7 +64,7 @@ public:
 
     std::string open() override {
         close();
-        fd_ = ::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, CAN_RAW);
+        fd_.reset(::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, CAN_RAW));
         overflows_ = 0;  // the count of a new socket begins at 0
         if (fd_ < 0) return fmt::format("no CAN in this kernel ({}): modprobe can_raw", std::strerror(errno));
         std::string why = bind_socket();
@@ -97,8 +98,7 @@ public:
         if (fd_ < 0) return;
         count_overflows(fd_);
         netlink_.close();
-        ::close(fd_);
-        fd_ = -1;
+        fd_.reset();
     }
 
     bool has_more() const noexcept override { return ready_; }
@@ -374,7 +374,8 @@ private:
     };
     std::vector<Transport> transports_;
     std::unique_ptr<CanSamples> samples_;
-    int fd_ = -1, index_ = 0;
+    Descriptor fd_;
+    int index_ = 0;
     CanNetlink netlink_;
     std::uint64_t heard_ns_ = 0;  // time of the last message, or of the last answer of rtnetlink
     bool bus_off_ = false;        // a bus-off was observed and has not ended yet

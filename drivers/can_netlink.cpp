@@ -6,7 +6,6 @@
 #include <linux/rtnetlink.h>
 #include <sys/socket.h>
 #include <sys/time.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
@@ -57,16 +56,10 @@ struct CanNetlink::Answer {
 };
 
 int CanNetlink::open() {
-    close();
-    fd_ = ::socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC, NETLINK_ROUTE);
+    fd_.reset(::socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC, NETLINK_ROUTE));
     if (fd_ < 0) return errno;
     const timeval patience{0, 500'000};
     return ::setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience) == 0 ? 0 : errno;
-}
-
-void CanNetlink::close() noexcept {
-    if (fd_ >= 0) ::close(fd_);
-    fd_ = -1;
 }
 
 int CanNetlink::exchange(Request& request, Answer& answer) noexcept {

@@ -2,6 +2,8 @@
 #pragma once
 #include <cstdint>
 
+#include "drivers/descriptor.hpp"
+
 namespace tactiled {
 
 struct CanInterface {
@@ -15,10 +17,9 @@ struct CanInterface {
 // A socket to rtnetlink. Requests wait for the kernel lock that each `ip link` takes.
 class CanNetlink {
 public:
-    ~CanNetlink() { close(); }
     // Opens the socket. Returns errno, 0 on success. setup
     int open();
-    void close() noexcept;
+    void close() noexcept { fd_.reset(); }
 
     // Reads the state of an interface. Returns errno, 0 on success. rt: bounded by the kernel's lock; two system
     // calls
@@ -31,7 +32,7 @@ private:
     struct Answer;
     int exchange(Request& request, Answer& answer) noexcept;
 
-    int fd_ = -1;
+    Descriptor fd_;
     std::uint32_t number_ = 0;
 };
 

@@ -13,17 +13,21 @@ struct GpioName {
     std::string line;  // name, or offset: "DRDY", "17"
 };
 
+struct GpioLine;  // a requested line, which its destructor releases: gpio_v1.cpp or gpio_v2.cpp
+struct GpioRelease {
+    void operator()(GpioLine* line) const noexcept;
+};
+using HeldGpioLine = std::unique_ptr<GpioLine, GpioRelease>;
+
 // A line with edges to wait for: data ready.
 class GpioEdges {
 public:
     enum class Edge { rising, falling };
     enum class Wait { edge, timeout, disconnected };
 
-    GpioEdges();
-    ~GpioEdges();
     // Requests the line. Returns "" on success, else the fault and the remedy. setup; may allocate
     [[nodiscard]] std::string open(const GpioName& name, Edge edge);
-    void close() noexcept;
+    void close() noexcept { held_.reset(); }
 
     // Waits for an edge and takes all edges that have occurred. `t_ns` is the timestamp of the newest one,
     // CLOCK_MONOTONIC, taken in the interrupt; 0 if newer ones may have been lost. `edges` is their number. An edge
@@ -37,26 +41,21 @@ public:
     [[nodiscard]] int level() const noexcept;
 
 private:
-    struct Held;
-    std::unique_ptr<Held> held_;
+    HeldGpioLine held_;
 };
 
 // An output line: select of a multiplexer, reset, signal to another machine.
 class GpioOutput {
 public:
-    GpioOutput();
-    GpioOutput(GpioOutput&&) noexcept;
-    ~GpioOutput();
     // Requests the line, driven high or low from the first moment. setup; may allocate
     [[nodiscard]] std::string open(const GpioName& name, bool high);
     // Releases the line. The chip decides which level it then has; many keep the last one.
-    void close() noexcept;
+    void close() noexcept { held_.reset(); }
     // Sets the level. Returns false if the chip was removed. rt: one ioctl
     [[nodiscard]] bool set(bool high) noexcept;
 
 private:
-    struct Held;
-    std::unique_ptr<Held> held_;
+    HeldGpioLine held_;
 };
 
 inline constexpr const char* kGpioConsumer = "tactiled";

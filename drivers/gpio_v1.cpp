@@ -12,14 +12,16 @@ namespace {
 
 constexpr std::uint32_t kWaitingMax = 16;  // limit of the kernel
 
-struct Line {
+}  // namespace
+
+struct GpioLine {
     gpiod_chip* chip = nullptr;
     gpiod_line* line = nullptr;
 
-    Line() = default;
-    Line(const Line&) = delete;
-    Line& operator=(const Line&) = delete;
-    ~Line() {
+    GpioLine() = default;
+    GpioLine(const GpioLine&) = delete;
+    GpioLine& operator=(const GpioLine&) = delete;
+    ~GpioLine() {
         if (chip != nullptr) ::gpiod_chip_close(chip);  // releases its lines
     }
     std::string open(const GpioName& name) {
@@ -31,27 +33,26 @@ struct Line {
     }
 };
 
+void GpioRelease::operator()(GpioLine* line) const noexcept { delete line; }
+
+namespace {
+
+// Opens the line and calls `request(line)`, which returns 0 on success. Returns "" or the fault.
+template <class Request>
+std::string open_line(HeldGpioLine& held, const GpioName& name, Request request) {
+    held.reset(new GpioLine);
+    std::string why = held->open(name);
+    if (why.empty() && request(held->line) != 0) why = gpio_refusal(name, true, errno);
+    if (!why.empty()) held.reset();
+    return why;
+}
+
 }  // namespace
 
-struct GpioEdges::Held : Line {};
-struct GpioOutput::Held : Line {};
-
-GpioEdges::GpioEdges() = default;
-GpioEdges::~GpioEdges() = default;
-GpioOutput::GpioOutput() = default;
-GpioOutput::GpioOutput(GpioOutput&&) noexcept = default;
-GpioOutput::~GpioOutput() = default;
-void GpioEdges::close() noexcept { held_.reset(); }
-void GpioOutput::close() noexcept { held_.reset(); }
-
 std::string GpioEdges::open(const GpioName& name, Edge edge) {
-    held_ = std::make_unique<Held>();
-    std::string why = held_->open(name);
-    if (why.empty() && (edge == Edge::rising ? ::gpiod_line_request_rising_edge_events(held_->line, kGpioConsumer)
-                                             : ::gpiod_line_request_falling_edge_events(held_->line, kGpioConsumer)) != 0)
-        why = gpio_refusal(name, true, errno);
-    if (!why.empty()) held_.reset();
-    return why;
+    const auto request =
+        edge == Edge::rising ? ::gpiod_line_request_rising_edge_events : ::gpiod_line_request_falling_edge_events;
+    return open_line(held_, name, [&](gpiod_line* line) { return request(line, kGpioConsumer); });
 }
 
 GpioEdges::Wait GpioEdges::wait_edge(int timeout_ms, std::uint64_t& t_ns, std::uint32_t& edges) noexcept {
@@ -77,12 +78,8 @@ int GpioEdges::fd() const noexcept { return held_ != nullptr ? ::gpiod_line_even
 int GpioEdges::level() const noexcept { return ::gpiod_line_get_value(held_->line); }
 
 std::string GpioOutput::open(const GpioName& name, bool high) {
-    held_ = std::make_unique<Held>();
-    std::string why = held_->open(name);
-    if (why.empty() && ::gpiod_line_request_output(held_->line, kGpioConsumer, high ? 1 : 0) != 0)
-        why = gpio_refusal(name, true, errno);
-    if (!why.empty()) held_.reset();
-    return why;
+    return open_line(held_, name,
+                     [&](gpiod_line* line) { return ::gpiod_line_request_output(line, kGpioConsumer, high ? 1 : 0); });
 }
 
 bool GpioOutput::set(bool high) noexcept { return ::gpiod_line_set_value(held_->line, high ? 1 : 0) == 0; }

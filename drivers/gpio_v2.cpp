@@ -42,15 +42,22 @@ gpiod_chip* open_chip(const std::string& wanted) {
     return nullptr;
 }
 
-struct Line {
+gpiod_line_value value_of(bool high) { return high ? GPIOD_LINE_VALUE_ACTIVE : GPIOD_LINE_VALUE_INACTIVE; }
+
+}  // namespace
+
+struct GpioLine {
     gpiod_line_request* request = nullptr;
     unsigned offset = 0;
+    gpiod_edge_event_buffer* buffer = nullptr;  // for the edges of the line
+    unsigned long sequence = 0;                 // number of the last edge
 
-    Line() = default;
-    Line(const Line&) = delete;
-    Line& operator=(const Line&) = delete;
-    ~Line() {
+    GpioLine() = default;
+    GpioLine(const GpioLine&) = delete;
+    GpioLine& operator=(const GpioLine&) = delete;
+    ~GpioLine() {
         if (request != nullptr) ::gpiod_line_request_release(request);
+        if (buffer != nullptr) ::gpiod_edge_event_buffer_free(buffer);
     }
     std::string open(const GpioName& name, gpiod_line_settings* settings) {
         gpiod_chip* const chip = open_chip(name.chip);
@@ -81,38 +88,32 @@ private:
     }
 };
 
-gpiod_line_value value_of(bool high) { return high ? GPIOD_LINE_VALUE_ACTIVE : GPIOD_LINE_VALUE_INACTIVE; }
+void GpioRelease::operator()(GpioLine* line) const noexcept { delete line; }
+
+namespace {
+
+// Requests the line with the settings that `choose` sets. Returns "" or the fault.
+template <class Choose>
+std::string open_line(HeldGpioLine& held, const GpioName& name, Choose choose) {
+    held.reset(new GpioLine);
+    gpiod_line_settings* settings = ::gpiod_line_settings_new();
+    if (settings != nullptr) choose(settings);
+    std::string why = held->open(name, settings);
+    if (settings != nullptr) ::gpiod_line_settings_free(settings);
+    if (!why.empty()) held.reset();
+    return why;
+}
 
 }  // namespace
 
-struct GpioEdges::Held : Line {
-    Held() : buffer(::gpiod_edge_event_buffer_new(kWaitingMax)) {}
-    ~Held() { ::gpiod_edge_event_buffer_free(buffer); }
-    gpiod_edge_event_buffer* buffer;
-    unsigned long sequence = 0;  // number of the last edge
-};
-struct GpioOutput::Held : Line {};
-
-GpioEdges::GpioEdges() = default;
-GpioEdges::~GpioEdges() = default;
-GpioOutput::GpioOutput() = default;
-GpioOutput::GpioOutput(GpioOutput&&) noexcept = default;
-GpioOutput::~GpioOutput() = default;
-void GpioEdges::close() noexcept { held_.reset(); }
-void GpioOutput::close() noexcept { held_.reset(); }
-
 std::string GpioEdges::open(const GpioName& name, Edge edge) {
-    held_ = std::make_unique<Held>();
-    gpiod_line_settings* settings = ::gpiod_line_settings_new();
-    if (settings != nullptr) {
+    std::string why = open_line(held_, name, [&](gpiod_line_settings* settings) {
         ::gpiod_line_settings_set_direction(settings, GPIOD_LINE_DIRECTION_INPUT);
         ::gpiod_line_settings_set_edge_detection(settings,
                                                  edge == Edge::rising ? GPIOD_LINE_EDGE_RISING : GPIOD_LINE_EDGE_FALLING);
         ::gpiod_line_settings_set_event_clock(settings, GPIOD_LINE_CLOCK_MONOTONIC);
-    }
-    std::string why = held_->open(name, settings);
-    if (settings != nullptr) ::gpiod_line_settings_free(settings);
-    if (!why.empty()) held_.reset();
+    });
+    if (why.empty()) held_->buffer = ::gpiod_edge_event_buffer_new(kWaitingMax);
     return why;
 }
 
@@ -141,16 +142,10 @@ int GpioEdges::level() const noexcept {
 }
 
 std::string GpioOutput::open(const GpioName& name, bool high) {
-    held_ = std::make_unique<Held>();
-    gpiod_line_settings* settings = ::gpiod_line_settings_new();
-    if (settings != nullptr) {
+    return open_line(held_, name, [&](gpiod_line_settings* settings) {
         ::gpiod_line_settings_set_direction(settings, GPIOD_LINE_DIRECTION_OUTPUT);
         ::gpiod_line_settings_set_output_value(settings, value_of(high));
-    }
-    std::string why = held_->open(name, settings);
-    if (settings != nullptr) ::gpiod_line_settings_free(settings);
-    if (!why.empty()) held_.reset();
-    return why;
+    });
 }
 
 bool GpioOutput::set(bool high) noexcept {

@@ -36,7 +36,7 @@ std::string remedy(int error, const std::string& path) {
 
 std::string I2cDevice::open(const std::string& path, int timeout_ms) {
     close();
-    fd_ = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
+    fd_.reset(::open(path.c_str(), O_RDWR | O_CLOEXEC));
     if (fd_ < 0) return fmt::format("{}: {}", path, remedy(errno, path));
     unsigned long functions = 0;
     if (::ioctl(fd_, I2C_FUNCS, &functions) != 0)
@@ -52,17 +52,15 @@ std::string I2cDevice::open(const std::string& path, int timeout_ms) {
     struct stat status {};
     if (::fstat(fd_, &status) == 0) {
         const std::string name = fmt::format("/sys/dev/char/{}:{}/name", major(status.st_rdev), minor(status.st_rdev));
-        presence_fd_ = ::open(name.c_str(), O_RDONLY | O_CLOEXEC);
+        presence_fd_.reset(::open(name.c_str(), O_RDONLY | O_CLOEXEC));
     }
     n_hard_ = 0;
     return "";
 }
 
 void I2cDevice::close() noexcept {
-    for (int* const fd : {&fd_, &presence_fd_}) {
-        if (*fd >= 0) ::close(*fd);
-        *fd = -1;
-    }
+    fd_.reset();
+    presence_fd_.reset();
 }
 
 std::uint64_t I2cDevice::now_ns() const noexcept { return tactiled::now_ns(); }

@@ -6,13 +6,12 @@
 #include <vector>
 
 #include "drivers/chips/bus.hpp"
+#include "drivers/descriptor.hpp"
 
 namespace tactiled {
 
 class I2cDevice final : public I2cBus {
 public:
-    ~I2cDevice() override { close(); }
-
     // Opens the adapter. Returns "" or the fault and the remedy. `timeout_ms` = 0 leaves the adapter's own limit,
     // which all users of the adapter share. setup
     [[nodiscard]] std::string open(const std::string& path, int timeout_ms);
@@ -34,8 +33,8 @@ private:
     [[nodiscard]] Answer classify(int error, std::uint64_t began_ns) noexcept;
 
     std::vector<pollfd> watched_;
-    int fd_ = -1;
-    int presence_fd_ = -1;  // the adapter's `name` in sysfs, readable as long as the adapter exists
+    Descriptor fd_;
+    Descriptor presence_fd_;  // the adapter's `name` in sysfs, readable as long as the adapter exists
     bool is_plain_ = true;
     unsigned n_hard_ = 0;  // consecutive errors other than a missing acknowledge
 };

@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "drivers/clock.hpp"
+#include "drivers/descriptor.hpp"
 #include "drivers/driver.hpp"
 #include "drivers/modbus_device.hpp"
 #include "drivers/tcp.hpp"
@@ -52,12 +53,11 @@ public:
             options.problem("slave", "there is no [[link.slave]]; add at least one with its registers");
         check_load(options);
     }
-    ~Modbus() override { close(); }
 
     std::string open() override {
         close();
         std::string why;
-        fd_ = wire_ == ModbusWire::tcp ? open_tcp(address_, where_, kConnectMs, why) : open_tty(where_, tty_, why);
+        fd_.reset(wire_ == ModbusWire::tcp ? open_tcp(address_, where_, kConnectMs, why) : open_tty(where_, tty_, why));
         if (fd_ < 0) return why;
         answers_.reset();
         choose_probes();
@@ -78,8 +78,7 @@ public:
         const std::uint64_t until_ns = now_ns() + std::uint64_t(timeout_ms) * 1'000'000;
         for (;;) {
             if (asking_ == nullptr) {
-                Device& next = *std::min_element(devices_.begin(), devices_.end(),
-                                                 [](const Device& a, const Device& b) { return a.due_ns < b.due_ns; });
+                Device& next = *std::ranges::min_element(devices_, {}, &Device::due_ns);
                 const std::uint64_t begins_ns = std::max(next.due_ns, quiet_until_ns_);
                 if (!wait(std::min(begins_ns, until_ns), POLLRDHUP)) return Status::disconnected;
                 if (now_ns() < begins_ns) return Status::timeout;
@@ -106,10 +105,7 @@ public:
         return "request (each frame answers a request; a gateway must not answer from a cache)";
     }
 
-    void close() noexcept override {
-        if (fd_ >= 0) ::close(fd_);
-        fd_ = -1;
-    }
+    void close() noexcept override { fd_.reset(); }
 
 private:
     struct Device {
@@ -323,7 +319,7 @@ private:
     std::vector<Device> devices_;
     std::array<Unit, 256> units_;
 
-    int fd_ = -1;
+    Descriptor fd_;
     ModbusAnswers answers_;
     ModbusRequest request_;
     Device* asking_ = nullptr;  // device of the open request

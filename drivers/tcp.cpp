@@ -5,11 +5,12 @@
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+
+#include "drivers/descriptor.hpp"
 
 namespace tactiled {
 namespace {
@@ -63,10 +64,9 @@ TcpAddress tcp_address(const std::string& text, unsigned default_port) {
 }
 
 int open_tcp(const TcpAddress& address, const std::string& text, int timeout_ms, std::string& why) {
-    const int fd = ::socket(address.bytes.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    Descriptor fd(::socket(address.bytes.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
     const auto fail = [&](int error) {
         why = fmt::format("{}: {}{}", text, std::strerror(error), remedy(error));
-        if (fd >= 0) ::close(fd);
         return -1;
     };
     if (fd < 0) return fail(errno);
@@ -77,7 +77,7 @@ int open_tcp(const TcpAddress& address, const std::string& text, int timeout_ms,
         ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPIDLE, &kAskAfterS, sizeof kAskAfterS) != 0 ||
         ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPINTVL, &kAskEveryS, sizeof kAskEveryS) != 0)
         return fail(errno);
-    if (::connect(fd, reinterpret_cast<const sockaddr*>(&address.bytes), address.size) == 0) return fd;
+    if (::connect(fd, reinterpret_cast<const sockaddr*>(&address.bytes), address.size) == 0) return fd.release();
     if (errno != EINPROGRESS) return fail(errno);
     pollfd waiting{fd, POLLOUT, 0};
     const int ready = ::poll(&waiting, 1, timeout_ms);
@@ -85,7 +85,7 @@ int open_tcp(const TcpAddress& address, const std::string& text, int timeout_ms,
     int error = 0;
     socklen_t size = sizeof error;
     if (::getsockopt(fd, SOL_SOCKET, SO_ERROR, &error, &size) != 0) error = errno;
-    return error == 0 ? fd : fail(error);
+    return error == 0 ? fd.release() : fail(error);
 }
 
 }  // namespace tactiled

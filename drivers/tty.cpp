@@ -18,6 +18,8 @@
 #include <cstring>
 #include <string_view>
 
+#include "drivers/descriptor.hpp"
+
 namespace tactiled {
 namespace {
 
@@ -42,11 +44,10 @@ const char* remedy(int error, bool relative) {
 int open_tty(const std::string& path, const TtySettings& wanted, std::string& why) {
     using Parity = TtySettings::Parity;
     const unsigned baud = wanted.baud;
-    const int fd = ::open(path.c_str(), (wanted.answers ? O_RDWR : O_RDONLY) | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+    Descriptor fd(::open(path.c_str(), (wanted.answers ? O_RDWR : O_RDONLY) | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
     const auto fail = [&](const char* what) {
         const int error = errno;
         why = fmt::format("{}: {}{}{}", path, what, std::strerror(error), remedy(error, !path.starts_with('/')));
-        if (fd >= 0) ::close(fd);
         return -1;
     };
     if (fd < 0) return fail("");
@@ -77,7 +78,6 @@ int open_tty(const std::string& path, const TtySettings& wanted, std::string& wh
     if (::ioctl(fd, TCGETS2, &got) != 0) return fail("settings: ");
     const unsigned off = got.c_ospeed > baud ? got.c_ospeed - baud : baud - got.c_ospeed;
     if (off > baud / 50) {
-        ::close(fd);
         why =
             fmt::format("{}: {} baud was requested, and the port runs at {}: choose another rate", path, baud, got.c_ospeed);
         return -1;
@@ -95,7 +95,7 @@ int open_tty(const std::string& path, const TtySettings& wanted, std::string& wh
             return fail("RS-485 direction (leave rs485 out where the adapter switches by itself): ");
     }
     if (!flush_tty(fd)) return fail("flush: ");
-    return fd;
+    return fd.release();
 }
 
 bool is_local_tty(const std::string& path) noexcept {

@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "drivers/clock.hpp"
+#include "drivers/descriptor.hpp"
 #include "drivers/driver.hpp"
 #include "drivers/tcp.hpp"
 #include "drivers/tty.hpp"
@@ -66,8 +67,8 @@ public:
         close();
         std::string why;
         empty_ns_ = with_suspend_ns();
-        fd_ = network_ ? open_tcp(address_, path_, kConnectMs, why)
-                       : open_tty(path_, {.baud = baud_, .answers = echo_ || !decoder_->start_bytes().empty()}, why);
+        fd_.reset(network_ ? open_tcp(address_, path_, kConnectMs, why)
+                           : open_tty(path_, {.baud = baud_, .answers = echo_ || !decoder_->start_bytes().empty()}, why));
         if (fd_ < 0) return why;
         decoder_->reset();
         is_direct_ = declared_path_.empty() ? !network_ && is_local_tty(path_) : declared_path_ == "direct";
@@ -141,8 +142,7 @@ public:
         if (fd_ < 0) return;
         if (std::uint32_t overruns = 0; tty_overruns(fd_, overruns))
             counts[TACTILED_LINK_OVERRUN] = overruns_before_ + (overruns - overruns_at_open_);
-        ::close(fd_);
-        fd_ = -1;
+        fd_.reset();
     }
 
     bool has_more() const noexcept override { return decoder_->is_ready(); }
@@ -269,7 +269,7 @@ private:
     } answered_;  // the last answer since the last frame
     // nullptr if the configuration has an error: the node then does not open the link
     std::unique_ptr<StreamDecoder> decoder_;
-    int fd_ = -1;
+    Descriptor fd_;
     // time, with_suspend_ns(), at which no bytes waited: bytes read arrived later
     std::uint64_t empty_ns_ = 0;
     std::uint64_t heard_ns_ = 0;                   // time of the opening, or of the last bytes

@@ -1,12 +1,15 @@
-// A command of the PLC or of a local user. The pipeline executes the command (commands.hpp); the node record acknowledges
-// it.
+// A command of the PLC or of a local user, and the ring through which one commander sends its commands to the pipeline. The
+// pipeline executes the command (commands.hpp); the node record acknowledges it.
 #pragma once
+#include <cstddef>
 #include <cstdint>
 #include <span>
 
 #include "decoupling/grasp/grasp.hpp"
 #include "node/objects.hpp"
+#include "node/ring.hpp"
 #include "node/sensor.hpp"
+#include "node/wake_word.hpp"
 
 namespace tactiled {
 
@@ -50,6 +53,30 @@ struct Command {
     // Argument of `objects`. The sender owns the memory and keeps it until the command is acknowledged, however long that
     // takes.
     std::span<const TaughtObject> objects{};
+};
+
+class CommandRing : public Ring<Command> {
+public:
+    // `wake`: wakes the pipeline's thread; nullptr: the consumer polls the ring. setup
+    explicit CommandRing(std::size_t capacity, WakeWord* wake = nullptr) : Ring(capacity), wake_(wake) {}
+
+    // Publishes all pushed commands to the pipeline and wakes its thread. rt: one system call
+    void commit() noexcept {
+        Ring::commit();
+        if (wake_ != nullptr) wake_->wake();
+    }
+    // Publishes one command. Returns false if there is no room: the pipeline hangs. rt: one system call
+    [[nodiscard]] bool send(const Command& command) noexcept {
+        Command* const slot = claim();
+        if (slot == nullptr) return false;
+        *slot = command;
+        push();
+        commit();
+        return true;
+    }
+
+private:
+    WakeWord* wake_;
 };
 
 }  // namespace tactiled

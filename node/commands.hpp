@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "node/command_ring.hpp"
+#include "node/command.hpp"
 #include "node/grasping.hpp"
 #include "node/node_record.hpp"
 #include "node/sensor.hpp"

@@ -30,13 +30,14 @@ constexpr int kPatienceMs = 100;   // wait for a client's request, and pause if 
 constexpr int kAnswerMs = 15'000;  // longer than the longest tare
 constexpr std::uint64_t kLogEachNs = 10'000'000'000;
 
-void answer(int client, std::uint32_t state, std::uint32_t result) {
-    const std::string text = fmt::format("{} {}", state, result);
+void answer(int client, std::string_view text) {
     [[maybe_unused]] const auto sent = ::send(client, text.data(), text.size(), MSG_NOSIGNAL);
 }
 
-void answer(int client, std::string_view text) {
-    [[maybe_unused]] const auto sent = ::send(client, text.data(), text.size(), MSG_NOSIGNAL);
+void answer(int client, std::uint32_t state, std::uint32_t result) { answer(client, fmt::format("{} {}", state, result)); }
+
+void reject(int client, tactiled_command_result result, const std::string& why) {
+    answer(client, fmt::format("{} {} {}", int(TACTILED_COMMAND_REJECTED), int(result), why));
 }
 
 // Returns true if the client has closed its end. A client that has only shut down writing still waits for the answer.
@@ -68,10 +69,7 @@ void answer_with(int client, int descriptor) {
     msghdr message{};
     message.msg_iov = &part;
     message.msg_iovlen = 1;
-    if (descriptor < 0) {
-        [[maybe_unused]] const auto sent = ::send(client, "none", 4, MSG_NOSIGNAL);
-        return;
-    }
+    if (descriptor < 0) return answer(client, "none");
     message.msg_control = control;
     message.msg_controllen = sizeof control;
     cmsghdr* const extra = CMSG_FIRSTHDR(&message);
@@ -107,14 +105,11 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
     if (::lstat(path.c_str(), &there) == 0 && !S_ISSOCK(there.st_mode))  // a regular file that was named by mistake
         throw SetupError(fmt::format("control socket {}: the path is not a socket; choose another path", path));
     ::unlink(path.c_str());
-    listener_ = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    listener_.reset(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
     const sockaddr_un address = address_of(path);
     if (listener_ < 0 || ::bind(listener_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 ||
-        ::chmod(path.c_str(), 0660) != 0 || ::listen(listener_, 16) != 0) {
-        const std::string why = std::strerror(errno);
-        if (listener_ >= 0) ::close(listener_);
-        throw SetupError(fmt::format("control socket {}: {}", path, why));
-    }
+        ::chmod(path.c_str(), 0660) != 0 || ::listen(listener_, 16) != 0)
+        throw SetupError(fmt::format("control socket {}: {}", path, std::strerror(errno)));
     if (::lstat(path.c_str(), &there) == 0) {
         device_ = there.st_dev;
         inode_ = there.st_ino;
@@ -131,8 +126,7 @@ ControlSocket::~ControlSocket() {
     stop_.store(true);
     ::shutdown(listener_, SHUT_RDWR);  // ends poll() in the thread
     thread_.join();
-    if (asker_ >= 0) ::close(asker_);
-    ::close(listener_);
+    listener_.reset();
     struct stat there {};
     if (::lstat(path_.c_str(), &there) == 0 && there.st_dev == device_ && there.st_ino == inode_) ::unlink(path_.c_str());
 }
@@ -143,23 +137,20 @@ void ControlSocket::serve() noexcept {
         if (asker_ >= 0) follow();
         log_refused_tares();
         if (!asked || stop_.load()) continue;
-        const int client = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+        Descriptor client(::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
         if (client >= 0) try {
-                take(client);
-            } catch (const std::exception&) { ::close(client); }  // no memory: the client gets no answer
+                take(std::move(client));
+            } catch (const std::exception&) {}  // no memory: the client gets no answer
         else
             sleep_until(monotonic_ns() + std::uint64_t(kPatienceMs) * 1'000'000u);  // out of descriptors: avoids a busy loop
     }
 }
 
 // Handles one client's request. A client that sends nothing within kPatienceMs is dropped.
-void ControlSocket::take(int client) {
+void ControlSocket::take(Descriptor client) {
     char request[128];
     const ssize_t size = wait_readable(client, kPatienceMs) ? ::recv(client, request, sizeof request, 0) : 0;
-    if (has_hung_up(client)) {  // the client has given up, for example because this process was stopped
-        ::close(client);
-        return;
-    }
+    if (has_hung_up(client)) return;  // the client has given up, for example because this process was stopped
     std::istringstream words(std::string(request, std::size_t(std::max<ssize_t>(size, 0))));
     std::string node, verb, mask, more;
     words >> node >> verb >> mask >> more;
@@ -171,21 +162,20 @@ void ControlSocket::take(int client) {
     if (node == node_name_ && verb == "wake" && mask.empty()) {
         answer_with(client, writer_.wake_page());
     } else if (node == node_name_ && verb == "events" && mask.empty()) {
-        const int event = events_.subscribe(client);
+        const Descriptor event(events_.subscribe(client));
         answer_with(client, event);
-        if (event >= 0) ::close(event);
     } else if (node == node_name_ && (verb == "tare" || verb == "untare") && mask_good) {
         command.kind = verb == "tare" ? Command::Kind::tare : Command::Kind::untare;
-        return begin(client, command);
+        begin(std::move(client), command);
     } else if (node == node_name_ && verb == "clear" && mask.empty()) {
         command.kind = Command::Kind::clear_latches;
-        return begin(client, command);
+        begin(std::move(client), command);
     } else if (node == node_name_ && verb == "weigh" && more.empty() && weigh_command(mask)) {
-        return begin(client, *weigh_command(mask));
+        begin(std::move(client), *weigh_command(mask));
     } else if (node == node_name_ && verb == "teach" && more.empty() && valid_name(mask)) {
-        return teach(client, mask);
+        teach(std::move(client), mask);
     } else if (node == node_name_ && verb == "load-objects" && mask.empty()) {
-        return load_objects(client);
+        load_objects(std::move(client));
     } else if (node == node_name_ && verb == "objects-file" && mask.empty()) {
         answer(client, objects_path_.empty() ? "-" : objects_path_);
     } else if (node == node_name_ && verb == "config-file" && mask.empty()) {
@@ -193,59 +183,43 @@ void ControlSocket::take(int client) {
     } else if (size > 0) {
         answer(client, TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN);
     }
-    ::close(client);
 }
 
-void ControlSocket::teach(int client, const std::string& name) {
-    const auto reject = [&](tactiled_command_result result, const std::string& why) {
-        answer(client, fmt::format("{} {} {}", int(TACTILED_COMMAND_REJECTED), int(result), why));
-        ::close(client);
-    };
+void ControlSocket::teach(Descriptor client, const std::string& name) {
     tactiled_node node{};
-    if (objects_path_.empty()) return reject(TACTILED_COMMAND_NOT_NOW, "there is no [grasp] in the configuration");
+    if (objects_path_.empty()) return reject(client, TACTILED_COMMAND_NOT_NOW, "there is no [grasp] in the configuration");
     if (!segment_.latest_node(node) || node.grasp.weight_state != TACTILED_WEIGHT_STABLE)
-        return reject(TACTILED_COMMAND_NOT_NOW, "no stable weight hangs on the jaws: grasp, lift and wait");
+        return reject(client, TACTILED_COMMAND_NOT_NOW, "no stable weight hangs on the jaws: grasp, lift and wait");
     try {
         teach_grasp(objects_path_, 0, name, weighing_of(node.grasp));
-    } catch (const SetupError& error) { return reject(TACTILED_COMMAND_FAILED, error.what()); }
-    load_objects(client);
+    } catch (const SetupError& error) { return reject(client, TACTILED_COMMAND_FAILED, error.what()); }
+    load_objects(std::move(client));
 }
 
-void ControlSocket::load_objects(int client) {
+void ControlSocket::load_objects(Descriptor client) {
     tactiled_node node{};
     const bool returned =
         segment_.latest_node(node) && std::int32_t(node.command[TACTILED_FROM_SOCKET].acknowledged - objects_number_) >= 0;
     const bool lent = objects_number_ != 0 && !returned;
     Problems problems;
     auto taught = tactiled::load_objects(objects_path_, problems);
-    const auto reject = [&](tactiled_command_result result, const std::string& why) {
-        answer(client, fmt::format("{} {} {}", int(TACTILED_COMMAND_REJECTED), int(result), why));
-        ::close(client);
-    };
-    if (objects_path_.empty()) return reject(TACTILED_COMMAND_NOT_NOW, "there is no [grasp] in the configuration");
-    if (!problems.empty()) return reject(TACTILED_COMMAND_FAILED, problems.lines().front());
-    if (lent || asker_ >= 0) return reject(TACTILED_COMMAND_NOT_NOW, "another command runs");
+    if (objects_path_.empty()) return reject(client, TACTILED_COMMAND_NOT_NOW, "there is no [grasp] in the configuration");
+    if (!problems.empty()) return reject(client, TACTILED_COMMAND_FAILED, problems.lines().front());
+    if (lent || asker_ >= 0) return reject(client, TACTILED_COMMAND_NOT_NOW, "another command runs");
     objects_ = std::move(taught);
     Command command;
     command.kind = Command::Kind::objects;
     command.objects = objects_;
     objects_number_ = number_ + 1;
-    begin(client, command);
+    begin(std::move(client), command);
 }
 
-void ControlSocket::begin(int client, Command command) {
+void ControlSocket::begin(Descriptor client, Command command) {
     command.number = ++number_;
     command.until_ns = monotonic_ns() + std::uint64_t(kAnswerMs) * 1'000'000u;
-    Command* const slot = asker_ < 0 ? commands_.claim() : nullptr;
-    if (slot == nullptr) {  // one at a time
-        answer(client, TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
-        ::close(client);
-        return;
-    }
-    *slot = command;
-    commands_.push();
-    commands_.commit();
-    asker_ = client;
+    if (asker_ >= 0 || !commands_.send(command))  // one at a time
+        return answer(client, TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
+    asker_ = std::move(client);
     give_up_ns_ = command.until_ns;
 }
 
@@ -258,8 +232,7 @@ void ControlSocket::follow() {
         answer(asker_, TACTILED_COMMAND_DONE, TACTILED_COMMAND_TIMED_OUT);
     else
         return;
-    ::close(asker_);
-    asker_ = -1;
+    asker_.reset();
 }
 
 // Logs refused tares for any commander, because a PLC that tares through one register sees only WARN. At most one

@@ -21,6 +21,7 @@
 #include <atomic>
 #include <string>
 
+#include "drivers/descriptor.hpp"
 #include "node/control_client.hpp"
 #include "node/pipeline.hpp"
 #include "node/realtime.hpp"
@@ -42,10 +43,10 @@ public:
 
 private:
     void serve() noexcept;
-    void take(int client);
-    void begin(int client, Command command);
-    void teach(int client, const std::string& name);
-    void load_objects(int client);
+    void take(Descriptor client);
+    void begin(Descriptor client, Command command);
+    void teach(Descriptor client, const std::string& name);
+    void load_objects(Descriptor client);
     void follow();
     void log_refused_tares();
 
@@ -62,8 +63,8 @@ private:
     CommandRing& commands_;
     EventFanOut events_;
     std::uint32_t number_ = 0;
-    int listener_ = -1;
-    int asker_ = -1;  // client that waits for the running command, -1 = none
+    Descriptor listener_;
+    Descriptor asker_;  // client that waits for the running command, -1 = none
     std::uint64_t give_up_ns_ = 0;
     // acknowledged number of each commander's last refusal
     std::array<std::uint32_t, TACTILED_COMMANDERS> refusal_seen_{};

@@ -3,10 +3,11 @@
 #include <fmt/format.h>
 #include <poll.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
+
+#include "drivers/descriptor.hpp"
 
 namespace tactiled {
 
@@ -23,7 +24,7 @@ bool wait_readable(int fd, int timeout_ms) {
 }
 
 std::string ask_daemon(const std::string& path, const std::string& request, int timeout_ms, std::string& why) {
-    const int fd = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
+    const Descriptor fd(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
     const sockaddr_un address = address_of(path);
     // limits connect(), which blocks if the daemon hangs and its queue is full
     const timeval limit{timeout_ms / 1000, timeout_ms % 1000 * 1000L};
@@ -42,7 +43,6 @@ std::string ask_daemon(const std::string& path, const std::string& request, int 
         else
             why = path + ": the daemon closed the connection";
     }
-    if (fd >= 0) ::close(fd);
     return reply;
 }
 

@@ -73,12 +73,8 @@ void Grasping::observe_tool(std::size_t index, const tactiled_sample& s, const W
     observed.tare_count = s.tare_count;
     observed.taring = (s.reasons & TACTILED_TARING) != 0;
     observed.tare_S = zero_S;
-    for (std::size_t i = 0; i < 3; ++i) {  // not low-passed
-        observed.raw_S[i] = s.raw_force_S_N[i];
-        observed.raw_S[i + 3] = s.raw_torque_S_Nm[i];
-        observed.sd[i] = s.sd_force_N[i];
-        observed.sd[i + 3] = s.sd_torque_Nm[i];
-    }
+    observed.raw_S = wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm);  // not low-passed
+    observed.sd = wrench_of(s.sd_force_N, s.sd_torque_Nm);
     tool_->sample(index, observed);
 }
 
@@ -127,9 +123,6 @@ bool Grasping::carry_out(const Command& command) noexcept {
 void Grasping::set(const GraspSettable& settable) noexcept {
     requested_ = settable;
     if (!estimator_) return;
-    const auto or_configured = [](double requested, double configured) {
-        return std::isnan(requested) ? configured : requested;
-    };
     estimator_->slip_sensitivity(or_configured(settable.slip_sensitivity, configured_.slip_sensitivity));
     estimator_->weigh_window(std::min(or_configured(settable.weigh_window_ms, configured_.weigh_window_ms), kMaxWindow_ms));
 }

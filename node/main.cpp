@@ -2,12 +2,11 @@
 #include <fmt/format.h>
 #include <sysexits.h>
 #include <systemd/sd-daemon.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <atomic>
 #include <cinttypes>
 #include <csignal>
-#include <cstring>
 #include <filesystem>
 #include <iostream>
 #include <memory>
@@ -17,17 +16,73 @@
 #include "node/log.hpp"
 #include "node/method_costs.hpp"
 #include "node/modbus/server.hpp"
+#include "node/progress.hpp"
+#include "node/realtime.hpp"
 #include "node/reload.hpp"
 #include "node/sandbox.hpp"
 #include "node/setup.hpp"
 #include "node/shm/folder.hpp"
 #include "node/threads.hpp"
 #include "node/version.hpp"
-#include "node/watchdog.hpp"
+#include "node/wake_word.hpp"
 #include "tactiled/reader.hpp"
 
 namespace tactiled {
 namespace {
+
+// Feeds systemd's watchdog (WatchdogSec=) while the pipeline and each link make progress, so that systemd restarts a daemon
+// that hangs. Without a watchdog the thread that does not respond is only logged.
+class Watchdog {
+public:
+    explicit Watchdog(Progress& progress) : progress_(progress) {
+        if (::sd_watchdog_enabled(0, &timeout_us_) <= 0) timeout_us_ = 0;
+        thread_.start("watchdog", 0, -1, [this] { run(); });
+    }
+    ~Watchdog() {
+        stop_.store(true);
+        end_.wake();
+        thread_.join();
+    }
+    Watchdog(const Watchdog&) = delete;
+    Watchdog& operator=(const Watchdog&) = delete;
+
+private:
+    // short compared with WatchdogSec, because the last feeding may be this long after the begin of the hang
+    static constexpr std::uint64_t kLookNs = 250'000'000;
+
+    void run() noexcept {
+        std::string_view said;
+        std::uint64_t stuck_ns = 0;
+        for (;;) {
+            const std::uint32_t seen = end_.value();
+            if (stop_.load()) return;
+            const std::uint64_t now_ns = monotonic_ns();
+            const std::string_view stuck = progress_.look(now_ns);
+            if (stuck.empty() && timeout_us_ != 0) ::sd_notify(0, "WATCHDOG=1");
+            if (stuck != said) {
+                if (stuck.empty())
+                    log_line(LogLevel::warning, "{}: responds again", said);
+                else if (timeout_us_ == 0)
+                    log_line(LogLevel::error, "{}: does not respond", stuck);
+                else
+                    log_line(LogLevel::error, "{}: does not respond; systemd restarts the daemon if this lasts {} ms", stuck,
+                             timeout_us_ / 1000);
+                said = stuck;
+                stuck_ns = now_ns;
+            }
+            // systemd's own timer is up to 250 ms late. It is needed only if this thread hangs, too.
+            if (!stuck.empty() && timeout_us_ != 0 && now_ns - stuck_ns > timeout_us_ * 900)
+                ::sd_notify(0, "WATCHDOG=trigger");
+            (void)end_.sleep(seen, now_ns + kLookNs);
+        }
+    }
+
+    Progress& progress_;
+    std::uint64_t timeout_us_ = 0;  // 0: there is no watchdog
+    std::atomic<bool> stop_{false};
+    WakeWord end_;
+    RtThread thread_;
+};
 
 // Blocks the signals in every thread; only the main thread receives them.
 sigset_t block_signals() {

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -37,17 +36,13 @@ TaughtObject read_object(Options table) {
 
 ObjectsLock::ObjectsLock(const std::string& path) {
     const std::string beside = path + ".lock";  // a separate file, because the file itself is replaced
-    fd_ = ::open(beside.c_str(), O_RDONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644);
+    fd_.reset(::open(beside.c_str(), O_RDONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0644));
     while (fd_ >= 0) {
         if (::flock(fd_, LOCK_EX) == 0) return;
         if (errno != EINTR) break;
     }
-    const std::string why = std::strerror(errno);
-    if (fd_ >= 0) ::close(fd_);
-    throw SetupError(fmt::format("{}: {}", beside, why));
+    throw SetupError(fmt::format("{}: {}", beside, std::strerror(errno)));
 }
-
-ObjectsLock::~ObjectsLock() { ::close(fd_); }
 
 std::vector<TaughtObject> load_objects(const std::string& path, Problems& problems) {
     std::vector<TaughtObject> objects;

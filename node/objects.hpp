@@ -9,6 +9,7 @@
 
 #include "config/options.hpp"
 #include "decoupling/grasp/grasp.hpp"
+#include "drivers/descriptor.hpp"
 
 namespace tactiled {
 
@@ -22,12 +23,9 @@ class ObjectsLock {
 public:
     // Waits for the other writer. setup: throws SetupError where no file can be created beside `path`
     explicit ObjectsLock(const std::string& path);
-    ~ObjectsLock();
-    ObjectsLock(const ObjectsLock&) = delete;
-    ObjectsLock& operator=(const ObjectsLock&) = delete;
 
 private:
-    int fd_;
+    Descriptor fd_;
 };
 
 // Reads the file. A missing file has no objects and is not a problem. With problems, the result must not be used.

@@ -6,7 +6,7 @@
 //
 // The runner is the real-time thread that called serve() first: a link's thread that has frames, or the pipeline's thread,
 // which serves commands and time limits. Parts beside the data path: commands.hpp, tares.hpp, node_record.hpp,
-// replacement.hpp.
+// replacement.cpp.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -20,7 +20,6 @@
 #include "node/link.hpp"
 #include "node/node_record.hpp"
 #include "node/progress.hpp"
-#include "node/replacement.hpp"
 #include "node/runner.hpp"
 #include "node/sensor.hpp"
 #include "node/shm/waker.hpp"
@@ -32,6 +31,20 @@ namespace tactiled {
 // thread. Returns `disconnected` also if the link should be opened again because the age of its frames is not proved.
 // rt: blocks on the link, for at most `timeout_ms`
 [[nodiscard]] Status acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept;
+
+// The sensors and the grasp that a reload of the configuration exchanges. They are created and destroyed outside of the
+// loop.
+struct Replacement {
+    struct Part {
+        std::uint32_t index;  // index of the sensor
+        bool measures_alike;  // the running sensor stays and only takes over the settings of `sensor`
+        std::unique_ptr<Sensor> sensor;
+        tactiled_sensor entry;  // entry of the directory
+    };
+    std::vector<Part> sensors;
+    std::unique_ptr<Grasping> grasping;  // nullptr: the running one stays
+    std::uint32_t calibration_id = 0;
+};
 
 class Pipeline {
 public:

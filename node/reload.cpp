@@ -81,12 +81,7 @@ void Reloader::refuse_what_needs_a_restart(Node& fresh) const {
     Options& root = fresh.config.root;
     for (const auto& key : root.differing_keys(now_.root))
         if (needs_restart(key)) root.problem(key, fmt::format("[{}] {}", key, kRestart));
-    const auto names = [](const auto& sensors) {
-        std::vector<std::string> all;
-        for (const auto& sensor : sensors) all.push_back(sensor.name);
-        return all;
-    };
-    if (names(fresh.config.sensors) != names(now_.sensors))
+    if (!std::ranges::equal(fresh.config.sensors, now_.sensors, {}, &SensorSettings::name, &SensorSettings::name))
         return root.problem("sensor", fmt::format("which [[sensor]] there are {}", kRestart));
     for (std::size_t i = 0; i < now_.sensors.size(); ++i) {
         Options& sensor = fresh.config.sensors[i].options;

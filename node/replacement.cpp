@@ -1,6 +1,4 @@
 // Exchanges sensors and the grasp of the running pipeline after the configuration was read again.
-#include "node/replacement.hpp"
-
 #include <type_traits>
 #include <utility>
 

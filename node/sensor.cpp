@@ -9,27 +9,13 @@ namespace {
 // Method "auto" is timed in one of this many samples, because reading the clock twice takes as long as a fast method.
 constexpr std::uint64_t kTimedEvery = 8;
 
-Wrench wrench_of(const auto& force, const auto& torque) noexcept {
-    return {force[0], force[1], force[2], torque[0], torque[1], torque[2]};
-}
-
-Wrench sd_of(const tactiled_sample& s) noexcept { return wrench_of(s.sd_force_N, s.sd_torque_Nm); }
-
-void put_sd(const Wrench& sd, tactiled_sample& s) noexcept {
-    std::copy_n(sd.begin(), 3, s.sd_force_N);
-    std::copy_n(sd.begin() + 3, 3, s.sd_torque_Nm);
-}
-
 void put(const Estimate& e, tactiled_sample& s) noexcept {
     s.reasons = e.reasons;
     s.residual = e.residual;
     s.state |= (e.direction & 31u) << 8;
     std::copy_n(e.cop_S_m.begin(), 2, s.cop_S_m);
-    for (std::size_t i = 0; i < 3; ++i) {
-        s.raw_force_S_N[i] = e.wrench_S[i];
-        s.raw_torque_S_Nm[i] = e.wrench_S[i + 3];
-    }
-    put_sd(e.sd, s);
+    put_wrench(e.wrench_S, s.raw_force_S_N, s.raw_torque_S_Nm);
+    put_wrench(e.sd, s.sd_force_N, s.sd_torque_Nm);
 }
 
 }  // namespace
@@ -224,9 +210,9 @@ void Sensor::judge_zero(tactiled_sample& s) const noexcept {
 // While the force changes, the delay of the chain contributes to the standard deviation.
 inline void Sensor::judge_latency(tactiled_sample& s) noexcept {
     if (s.quality == TACTILED_BAD) return latency_.forget();
-    Wrench sd = sd_of(s);
+    Wrench sd = wrench_of(s.sd_force_N, s.sd_torque_Nm);
     latency_.widen(wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm), s.t_ns, sd);
-    put_sd(sd, s);
+    put_wrench(sd, s.sd_force_N, s.sd_torque_Nm);
 }
 
 // Sets force and torque to the raw wrench minus the zero, after the low pass.
@@ -235,12 +221,11 @@ void Sensor::put_tared(tactiled_sample& s) noexcept {
     Wrench tared = wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm);
     for (std::size_t i = 0; i < tared.size(); ++i) tared[i] -= zero[i];
     if (s.quality != TACTILED_BAD) {
-        Wrench sd = sd_of(s);
+        Wrench sd = wrench_of(s.sd_force_N, s.sd_torque_Nm);
         low_pass_.apply(tared, sd, s.t_ns);
-        put_sd(sd, s);
+        put_wrench(sd, s.sd_force_N, s.sd_torque_Nm);
     }
-    std::copy_n(tared.begin(), 3, s.force_S_N);
-    std::copy_n(tared.begin() + 3, 3, s.torque_S_Nm);
+    put_wrench(tared, s.force_S_N, s.torque_S_Nm);
 }
 
 // Sets contact, overload and peak from the measured components. Without a value there is no contact, so the contact of the
@@ -302,9 +287,6 @@ void Sensor::start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept {
 }
 
 void Sensor::set(const SensorSettable& settable) noexcept {
-    const auto or_configured = [](double requested, double configured) {
-        return std::isnan(requested) ? configured : requested;
-    };
     requested_ = settable;
     in_force_.filter_Hz = or_configured(settable.filter_Hz, tuning_->filter_hz);
     in_force_.contact_on_N = or_configured(settable.contact_on_N, tuning_->contact_on_N);

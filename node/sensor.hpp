@@ -2,6 +2,7 @@
 // stream (quality.hpp), calls its model and subtracts its zero (zero.hpp). It does not use links or shared memory.
 #pragma once
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -29,6 +30,10 @@ struct SensorSettable {
 
     static constexpr SensorSettable as_configured() { return {kNaN, kNaN, kNaN, kNaN}; }
 };
+
+inline double or_configured(double requested, double configured) noexcept {
+    return std::isnan(requested) ? configured : requested;
+}
 
 class Sensor {
 public:

@@ -55,8 +55,7 @@ bool Zero::advance(const tactiled_sample& s, std::span<const double> channel, st
         return false;
     }
     if (s.t_ns < window_.begin_ns()) return false;  // measured before the command
-    const double *f = s.raw_force_S_N, *m = s.raw_torque_S_Nm;
-    const bool complete = window_.add({f[0], f[1], f[2], m[0], m[1], m[2]}, s.t_ns);
+    const bool complete = window_.add(wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm), s.t_ns);
     for (std::size_t k = 0; k < channel.size(); ++k) channel_sum_[k] += channel[k];
     is_unsure_ |= (s.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0;
     if (!complete) return false;
@@ -74,8 +73,7 @@ bool Zero::advance(const tactiled_sample& s, std::span<const double> channel, st
 
 // Returns `done` if the mean of the window may be a zero, else the reason; `last` is the last sample of the window.
 Tare Zero::verdict(const tactiled_sample& last) const noexcept {
-    const double *f = last.sd_force_N, *m = last.sd_torque_Nm;
-    if (window_.has_moved({f[0], f[1], f[2], m[0], m[1], m[2]})) return Tare::moved;
+    if (window_.has_moved(wrench_of(last.sd_force_N, last.sd_torque_Nm))) return Tare::moved;
     const Wrench mean = window_.mean_S();
     double squares = 0;
     for (std::size_t i = 0; i < 3; ++i) {

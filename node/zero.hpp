@@ -4,6 +4,7 @@
 // without a load. A tare measures the zero of the method that runs, and keeps the mean of the channels. The zeros of the
 // other methods are computed from that mean, one method in each later sample.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -17,6 +18,15 @@
 #include "tactiled/layout.h"
 
 namespace tactiled {
+
+// Return the six components of a force and a torque of a sample, and write them there. rt: wait-free
+inline Wrench wrench_of(const double (&force)[3], const double (&torque)[3]) noexcept {
+    return {force[0], force[1], force[2], torque[0], torque[1], torque[2]};
+}
+inline void put_wrench(const Wrench& wrench, double (&force)[3], double (&torque)[3]) noexcept {
+    std::copy_n(wrench.begin(), 3, force);
+    std::copy_n(wrench.begin() + 3, 3, torque);
+}
 
 // The state of a sensor's tare. From `done` on the tare has ended: `done` with success, the others with an unchanged zero,
 // because a sample had no value (failed), the force moved (moved), or the new zero differed from the calibration's by more

@@ -75,8 +75,7 @@ std::string CalibrationData::fault_of_ranges() const {
 }
 
 double CalibrationData::operator[](std::string_view name) const {
-    const auto known =
-        std::find_if(parameters_.begin(), parameters_.end(), [&](const Parameter& each) { return each.name == name; });
+    const auto known = std::ranges::find(parameters_, name, &Parameter::name);
     assert(known != parameters_.end());
     const auto found = calibration_.parameters.find(known->name);
     return found == calibration_.parameters.end() ? known->fallback : found->second;

@@ -6,6 +6,7 @@
 // over counter and data; RDATA returns counter and data of one conversion.
 #include <algorithm>
 #include <array>
+#include <boost/crc.hpp>
 
 #include "drivers/chips/chip.hpp"
 
@@ -24,12 +25,9 @@ const std::vector<std::string> kInputs{"AIN0-AIN1", "AIN0-AIN2", "AIN0-AIN3", "A
 constexpr std::uint8_t at(std::uint8_t command, unsigned reg) noexcept { return std::uint8_t(command | reg << 2); }
 
 std::uint16_t crc16(std::span<const std::uint8_t> bytes) noexcept {
-    std::uint16_t crc = 0xFFFF;
-    for (const std::uint8_t byte : bytes) {
-        crc = std::uint16_t(crc ^ byte << 8);
-        for (int bit = 0; bit < 8; ++bit) crc = std::uint16_t((crc << 1) ^ ((crc & 0x8000) != 0 ? 0x1021 : 0));
-    }
-    return crc;
+    boost::crc_optimal<16, 0x1021, 0xFFFF, 0, false, false> crc;
+    crc.process_bytes(bytes.data(), bytes.size());
+    return crc.checksum();
 }
 
 class Ads122c04 final : public Chip {

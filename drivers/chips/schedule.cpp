@@ -17,10 +17,7 @@ void Schedule::add(std::string name, std::unique_ptr<Chip> chip, Place place, st
                            ready);
 }
 
-Station& Schedule::first_due() noexcept {
-    return *std::min_element(stations_.begin(), stations_.end(),
-                             [](const Station& a, const Station& b) { return a.due_ns() < b.due_ns(); });
-}
+Station& Schedule::first_due() noexcept { return *std::ranges::min_element(stations_, {}, &Station::due_ns); }
 
 void Schedule::wait_until(std::uint64_t t_ns) noexcept {
     bus_.wait_until(t_ns);

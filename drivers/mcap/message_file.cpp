@@ -26,7 +26,7 @@ bool is_wanted(char op) {
 std::string MessageFile::open(const std::string& path) {
     close();
     // O_NONBLOCK: does not wait for a writer if the path is a pipe
-    fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    fd_.reset(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
     struct stat about {};
     if (fd_ < 0 || ::fstat(fd_, &about) != 0) return fmt::format("{}: {}", path, std::strerror(errno));
     if (!S_ISREG(about.st_mode)) return fmt::format("{}: is no file", path);
@@ -58,7 +58,7 @@ void MessageFile::declare_all() {
 }
 
 void MessageFile::close() noexcept {
-    if (fd_ >= 0) ::close(std::exchange(fd_, -1));
+    fd_.reset();
     at_end_ = true;
 }
 
@@ -123,7 +123,7 @@ std::string MessageFile::why() const {
 std::vector<std::pair<std::string, std::string>> attached_files(const std::string& path) {
     constexpr std::uint64_t kMaxAttachment = 32u << 20;  // the limit of a calibration is 16 MiB
     std::vector<std::pair<std::string, std::string>> files;
-    const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    const Descriptor fd(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
     std::string record(kRecordHead, 0);
     for (std::uint64_t at = kMagic.size(); fd >= 0;) {
         record.resize(kRecordHead);
@@ -143,7 +143,6 @@ std::vector<std::pair<std::string, std::string>> attached_files(const std::strin
         }
         at += kRecordHead + size;
     }
-    if (fd >= 0) ::close(fd);
     return files;
 }
 

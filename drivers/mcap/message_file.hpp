@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "drivers/descriptor.hpp"
 #include "drivers/mcap/reader.hpp"
 
 namespace tactiled::mcap {
@@ -16,11 +17,6 @@ public:
     // longer chunks are skipped; writers make chunks of 0.8 to 8 MiB
     static constexpr std::uint64_t kMaxRecord = 10u << 20;
     static constexpr std::size_t kMaxPiece = 64u << 10;  // per read
-
-    MessageFile() = default;
-    ~MessageFile() { close(); }
-    MessageFile(const MessageFile&) = delete;
-    MessageFile& operator=(const MessageFile&) = delete;
 
     // Opens the file. Returns "" or the fault; the first message is then next. The cost does not depend on the file's
     // length. setup
@@ -51,7 +47,7 @@ private:
     void read_head() noexcept;
     std::size_t read(char* to, std::uint64_t size) noexcept;  // 0: the file ends before
 
-    int fd_ = -1;
+    Descriptor fd_;
     std::uint64_t size_ = 0, bytes_read_ = 0;
     std::uint64_t have_ = 0, want_ = 0;  // bytes of the present record; want_ = 0: its head is next
     std::uint64_t at_ = 0;               // position in the file

@@ -40,7 +40,7 @@ Writer::Writer(const std::string& path, bool overwrite, const std::string& compr
     if (!is_known_compression(compression_))
         throw SetupError(fmt::format("compression \"{}\": this program was built without its library", compression));
     if (overwrite) ::unlink(path.c_str());  // not O_TRUNC: a reader of the old file can continue
-    fd_ = ::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_EXCL, 0644);
+    fd_.reset(::open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_EXCL, 0644));
     if (fd_ < 0)
         throw SetupError(fmt::format("{}: {}{}", path, std::strerror(errno),
                                      errno == EEXIST ? " (--overwrite replaces it, another name keeps it)" : ""));
@@ -48,10 +48,6 @@ Writer::Writer(const std::string& path, bool overwrite, const std::string& compr
     put_text(header, "ros2");  // the profile that defines "cdr"
     put_text(header, "tactiled " TACTILED_VERSION);
     write(std::string(kMagic) + record(Op::header, header));
-}
-
-Writer::~Writer() {
-    if (fd_ >= 0) ::close(fd_);
 }
 
 std::uint16_t Writer::add_schema(const std::string& name, const std::string& encoding, const std::string& data) {
@@ -222,7 +218,7 @@ void Writer::close() {
     put(footer, offsets_at);
     put(footer, crc32(summary + offsets + footer));
     write(footer + std::string(kMagic));
-    const int status = ::fsync(fd_) | ::close(std::exchange(fd_, -1));
+    const int status = ::fsync(fd_) | ::close(fd_.release());
     if (status != 0) throw std::runtime_error(fmt::format("{}: {}", path_, std::strerror(errno)));
 }
 

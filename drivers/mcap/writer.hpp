@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "config/options.hpp"
+#include "drivers/descriptor.hpp"
 
 namespace tactiled::mcap {
 
@@ -15,10 +16,6 @@ public:
     // Creates a file; an existing one is replaced only with `overwrite`. `compression` of the chunks: none, lz4 or zstd.
     // setup: throws SetupError if the file cannot be created, or if this program was built without the compression
     Writer(const std::string& path, bool overwrite, const std::string& compression = "none");
-    // Does not call close(): the file stays as after a truncation.
-    ~Writer();
-    Writer(const Writer&) = delete;
-    Writer& operator=(const Writer&) = delete;
 
     // Adds a schema; call it before the first message. `data` in `encoding` "ros2msg" is the definition and the
     // definitions that it uses.
@@ -32,7 +29,8 @@ public:
     // kMaxPending bytes.
     void message(std::uint16_t channel, std::uint32_t sequence, std::uint64_t time_ns, std::string_view data);
     void flush();
-    // Flushes and writes the index. Messages that were not written by then are lost.
+    // Flushes and writes the index. Messages that were not written by then are lost. Without this call the file stays as
+    // after a truncation.
     void close();
 
     [[nodiscard]] std::uint64_t bytes() const { return offset_ + chunk_.size(); }
@@ -50,7 +48,7 @@ private:
     std::string summary_group(const std::vector<std::string>& records, std::uint8_t op, std::string& offsets);
 
     std::string path_, compression_;  // "": none
-    int fd_ = -1;
+    Descriptor fd_;
     std::uint64_t offset_ = 0, messages_ = 0;
     std::uint64_t begin_ns_ = 0, end_ns_ = 0;  // times of the first and the last message
     std::vector<Named> schemas_, channels_;

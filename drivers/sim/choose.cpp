@@ -91,19 +91,28 @@ bool lower(std::vector<Decision>& decisions, Decision& d, double wanted_N) {
 // A change of time affects all later effects, so the effects of time are bounded after all others.
 void bound_time(const Scene& scene, const Sensor& sensor, const Extent& extent, Choice& choice) {
     std::vector<double> stated_N(chain().size(), 0);
-    const auto number = [](const Decision& d) {
-        return std::size_t(std::find(chain().begin(), chain().end(), d.effect) - chain().begin());
-    };
-    for (const Decision& d : choice.decisions) stated_N[number(d)] = d.bound.change_N;
+    for (const Decision& d : choice.decisions) stated_N[d.number()] = d.bound.change_N;
     for (Decision& d : choice.decisions) {
         if (d.effect->stage != Stage::time) continue;
-        Setting setting = scene.setting(number(d), sensor, extent);
+        Setting setting = scene.setting(d.number(), sensor, extent);
         setting.stated_N = stated_N;
         d.bound = d.effect->bound(setting);
     }
 }
 
 }  // namespace
+
+std::size_t Decision::number() const {
+    return std::size_t(std::find(chain().begin(), chain().end(), effect) - chain().begin());
+}
+
+std::vector<std::size_t> by_cost(const std::vector<Decision>& decisions) {
+    std::vector<std::size_t> order(decisions.size());
+    std::iota(order.begin(), order.end(), 0u);
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::size_t a, std::size_t b) { return decisions[a].spent_ns() > decisions[b].spent_ns(); });
+    return order;
+}
 
 double guaranteed_error_N(const std::vector<Decision>& decisions) {
     double error = 0;
@@ -147,10 +156,7 @@ void leave_out(std::vector<Decision>& decisions, double wanted_N) {
         if (i > 0) way = places[i][std::size_t(way.before)];
     }
     // The merging of cells may have dropped better combinations: try the most expensive effect first.
-    std::vector<std::size_t> order(decisions.size());
-    std::iota(order.begin(), order.end(), 0u);
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::size_t a, std::size_t b) { return decisions[a].spent_ns() > decisions[b].spent_ns(); });
+    const std::vector<std::size_t> order = by_cost(decisions);
     for (bool again = true; again;) {
         again = false;
         for (const std::size_t i : order) again |= lower(decisions, decisions[i], wanted_N);

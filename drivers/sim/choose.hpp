@@ -1,13 +1,25 @@
 // Selects the effects that a scene needs. The other effects are left out with a guaranteed error.
 #pragma once
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "drivers/sim/parts.hpp"
 #include "drivers/sim/scene.hpp"
 
 namespace tactiled::sim {
+
+// A part of a scene: consecutive whole segments. An effect may be suspended in one part although another part needs it.
+struct Part {
+    std::size_t first_segment, last_segment;  // both included
+    double begin_s, end_s;
+    // Samples that are within the part for every effect of time; whole blocks.
+    std::uint64_t first_sample, end_sample;
+};
+
+// At most 16 parts that cover the scene; short ones are merged with a neighbour. `margin_s`: maximum difference between the
+// actual and the nominal time of a sample. setup
+std::vector<Part> parts_of(const Scene& scene, double margin_s);
 
 struct Decision {
     const EffectEntry* effect;
@@ -25,6 +37,8 @@ struct Decision {
     std::vector<double> part_N{};
     double active_share = 1;  // share of the scene's samples in which it is active, if it is on
 
+    // Place of the effect in chain().
+    [[nodiscard]] std::size_t number() const;
     // Error of the effect at its place in the chain, N: its bound if it is off, the error of its level if it is on.
     [[nodiscard]] double error_N() const { return !on ? bound.change_N : level == kItself ? 0 : levels[level].error_N; }
     // Mean cost of the effect over the scene with the present decision, ns per sample.
@@ -56,6 +70,9 @@ double guaranteed_error_N(const std::vector<Decision>& decisions);
 // Combinations whose intermediate errors differ by less than 1/500 of wanted_N are merged to the cheapest one.
 // Afterwards no single effect could be left out or lowered with the others unchanged.
 void leave_out(std::vector<Decision>& decisions, double wanted_N);
+
+// Returns the places of the decisions, the most expensive effect first.
+std::vector<std::size_t> by_cost(const std::vector<Decision>& decisions);
 
 // Suspends instant effects in parts of the scene, the most expensive effect first, as long as the guarantee holds in every
 // part. setup

@@ -1,9 +1,6 @@
 // The parts of a scene, the bounds of the effects in each part, and the choice of effects that are suspended ("rest").
-#include "drivers/sim/parts.hpp"
-
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "drivers/sim/choose.hpp"
 
@@ -12,10 +9,6 @@ namespace {
 
 constexpr std::size_t kMaxParts = 16;
 constexpr std::uint64_t kMinSamples = 4 * Block::kSize;
-
-std::size_t number_of(const Decision& d) {
-    return std::size_t(std::find(chain().begin(), chain().end(), d.effect) - chain().begin());
-}
 
 // Maximum difference between the actual and the nominal time of a sample, by the effects of time that concern the sensor.
 double margin_s(const Scene& scene, const std::vector<Decision>& decisions) {
@@ -35,14 +28,14 @@ void bound_part(const Scene& scene, const Sensor& sensor, const Part& part, std:
     Extent so_far = scene.motion.extent(sensor, 0, part.last_segment);
     Before before_here, before_so_far;
     for (Decision& d : decisions) {
-        Setting setting = scene.setting(number_of(d), sensor, so_far);
+        Setting setting = scene.setting(d.number(), sensor, so_far);
         setting.before = before_so_far;
         // Effects of time and of the link have the bound of the whole scene.
         const bool whole = d.effect->stage == Stage::time || d.effect->stage == Stage::link;
         const Bound bound = whole ? d.bound : d.effect->bound(setting);
         Bound own = bound;
         if (d.effect->instant) {
-            Setting alone = scene.setting(number_of(d), sensor, here);
+            Setting alone = scene.setting(d.number(), sensor, here);
             alone.before = before_here;
             own = d.effect->bound(alone);
         }
@@ -85,8 +78,7 @@ std::vector<Part> parts_of(const Scene& scene, double margin_s) {
     const double shortest_s = double(kMinSamples) / scene.rate_Hz + 2 * margin_s;
     const auto length_s = [](const Part& p) { return p.end_s - p.begin_s; };
     while (parts.size() > 1) {
-        const auto least = std::min_element(parts.begin(), parts.end(),
-                                            [&](const Part& a, const Part& b) { return length_s(a) < length_s(b); });
+        const auto least = std::ranges::min_element(parts, {}, length_s);
         if (parts.size() <= kMaxParts && length_s(*least) >= shortest_s) break;
         const auto next =
             least + 1 == parts.end() || (least != parts.begin() && length_s(*(least - 1)) < length_s(*(least + 1)))
@@ -130,12 +122,8 @@ void let_rest(const Scene& scene, const Sensor& sensor, Choice& choice) {
     for (const Part& part : parts) bound_part(scene, sensor, part, decisions);
     for (Decision& d : decisions) d.rests.assign(parts.size(), false);
 
-    std::vector<std::size_t> order(decisions.size());
-    std::iota(order.begin(), order.end(), 0u);
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::size_t a, std::size_t b) { return decisions[a].spent_ns() > decisions[b].spent_ns(); });
     bool any = false;
-    for (const std::size_t i : order) {
+    for (const std::size_t i : by_cost(decisions)) {
         Decision& d = decisions[i];
         if (!may_rest(d)) continue;
         std::uint64_t resting = 0;

@@ -85,9 +85,8 @@ Scene read_scene(Options options, Problems& problems) {
     scene.body = read_body(options.table("body"), ambient_C);
     for (Options& table : options.tables("sensor", 64))
         for (Sensor& sensor : read_sensor(table)) {
-            const bool known = std::any_of(scene.sensors.begin(), scene.sensors.end(),
-                                           [&](const Sensor& other) { return other.name == sensor.name; });
-            if (known) table.problem("name", fmt::format("there are two sensors \"{}\"", sensor.name));
+            if (std::ranges::find(scene.sensors, sensor.name, &Sensor::name) != scene.sensors.end())
+                table.problem("name", fmt::format("there are two sensors \"{}\"", sensor.name));
             sensor.device = std::uint16_t(scene.sensors.size());
             scene.sensors.push_back(std::move(sensor));
         }

@@ -5,18 +5,30 @@
 #include <cmath>
 
 #include "drivers/clock.hpp"
-#include "drivers/sim/linear.hpp"
 
 namespace tactiled::sim {
 namespace {
 
-// Returns the linear steps before each stage.
+// Returns the linear step before each stage: sample times, motion, and the first-order response of material and transducer.
 std::unique_ptr<Effect> before(Stage stage, const Scene& scene, const Sensor& sensor) {
     switch (stage) {
-        case Stage::time: return make_clock(scene.rate_Hz);
-        case Stage::contact: return make_world(scene.motion, sensor);
-        case Stage::material: return make_drive();
-        case Stage::transducer: return make_gauges(sensor);
+        case Stage::time:
+            return each_sample([rate_Hz = scene.rate_Hz](Block& block, std::size_t n) {
+                block.t_s[n] = double(block.first + n) / rate_Hz;
+                block.missing[n] = 0;
+                block.lost[n] = 0;
+                block.dropped[n] = false;
+                block.arrives[n] = {1, 0};
+            });
+        case Stage::contact:
+            return each_block([&motion = scene.motion, &sensor](Block& block) { motion.fill(block, sensor); });
+        case Stage::material: return each_block([](Block& block) { block.drive = block.load; });
+        case Stage::transducer:
+            return each_reading(0, sensor.n(), [&sensor](double, std::size_t k, const Block& block, std::size_t n) {
+                const auto& g = sensor.gain[k];
+                return sensor.zero[k] + g[kFx] * block.drive[kFx][n] + g[kFy] * block.drive[kFy][n] +
+                       g[kFz] * block.drive[kFz][n] + g[kMx] * block.drive[kMx][n] + g[kMy] * block.drive[kMy][n];
+            });
         case Stage::converter:
         case Stage::link: break;
     }
@@ -52,9 +64,7 @@ Simulation::Simulation(const Scene& scene, const std::string& effects, std::size
             for (std::size_t d = 0; d < line.choice.decisions.size(); ++d) {
                 const Decision& decision = line.choice.decisions[d];
                 if (!decision.on || decision.effect->stage != stage) continue;
-                const auto number =
-                    std::size_t(std::find(chain().begin(), chain().end(), decision.effect) - chain().begin());
-                const Setting setting = scene.setting(number, sensor, line.extent);
+                const Setting setting = scene.setting(decision.number(), sensor, line.extent);
                 auto effect = decision.level == Decision::kItself ? decision.effect->make(setting)
                                                                   : decision.levels[decision.level].make(setting);
                 line.steps.push_back({std::move(effect), stage, d, rests_of(line.choice, decision)});

@@ -1,7 +1,6 @@
 #include "drivers/wire/ft300_frame.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 
 #include "drivers/wire/modbus_message.hpp"
@@ -53,19 +52,6 @@ bool Ft300Decoder::take(std::uint8_t byte, Frame& frame) noexcept {
 void Ft300Decoder::drop_first() noexcept {
     std::memmove(bytes_.data(), bytes_.data() + 1, --size_);
     ++counts_[TACTILED_LINK_SKIPPED];
-}
-
-void encode_ft300(const Frame& frame, std::span<std::uint8_t, kFt300Bytes> out) noexcept {
-    out[0] = kHead[0];
-    out[1] = kHead[1];
-    for (std::size_t k = 0; k < 6; ++k) {
-        const auto number = std::int16_t(std::lround(std::clamp(frame.channel[k] * kPerUnit[k], -32768.0, 32767.0)));
-        out[2 + 2 * k] = std::uint8_t(number);
-        out[3 + 2 * k] = std::uint8_t(number >> 8);
-    }
-    const std::uint16_t crc = modbus_crc(std::span(out).first(kChecked));
-    out[kChecked] = std::uint8_t(crc);
-    out[kChecked + 1] = std::uint8_t(crc >> 8);
 }
 
 namespace {

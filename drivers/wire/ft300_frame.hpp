@@ -33,7 +33,4 @@ private:
     std::size_t size_ = 0;
 };
 
-// Writes the bytes that the device sends for forces in N and torques in Nm. For tests.
-void encode_ft300(const Frame& frame, std::span<std::uint8_t, kFt300Bytes> out) noexcept;
-
 }  // namespace tactiled

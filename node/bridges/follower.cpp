@@ -1,11 +1,12 @@
 #include "node/bridges/follower.hpp"
 
 #include <sys/mman.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cassert>
 #include <cerrno>
+
+#include "drivers/descriptor.hpp"
 
 namespace tactiled::bridges {
 namespace {
@@ -92,12 +93,11 @@ bool Follower::next(std::uint32_t sensor, tactiled_sample& sample) {
 
 void Follower::ask_for_wakes(std::uint64_t now_ns, std::uint64_t until_ns) {
     if (asked_ns_ != 0 && now_ns - asked_ns_ < kAskEachNs) return;
-    const int fd = tactiled_ask_descriptor(segment_.c(), "wake", nullptr, until_ns);
+    const Descriptor fd(tactiled_ask_descriptor(segment_.c(), "wake", nullptr, until_ns));
     if (fd >= 0 && tactiled_is_wake_page(fd) != 0) {
         void* const page = ::mmap(nullptr, sizeof(tactiled_wake), PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
         if (page != MAP_FAILED) wake_ = static_cast<std::uint32_t*>(page);
     }
-    if (fd >= 0) ::close(fd);
     asked_ns_ = now_ns;
 }
 

@@ -4,7 +4,6 @@
 #include <linux/errqueue.h>
 #include <poll.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -14,6 +13,7 @@
 
 #include "config/network_address.hpp"
 #include "config/options.hpp"
+#include "drivers/descriptor.hpp"
 #include "node/bridges/bridge.hpp"
 #include "node/bridges/rdt_packet.hpp"
 #include "node/ctl/command_line.hpp"
@@ -51,19 +51,15 @@ class Stream {
 public:
     Stream(const Args& args, std::string sensor, const std::string& listen, std::uint32_t zero)
         : args_(args), sensor_(std::move(sensor)), zero_(zero), allow_(args.allow) {
-        socklen_t size = 0;
-        const sockaddr_storage address = modbus::listen_address(listen, size);
-        fd_ = ::socket(address.ss_family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+        const ListenAddress address = check_listen_address(listen);
+        fd_.reset(::socket(address.bytes.ss_family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
         const int one = 1;
         // The kernel then reports which client has gone.
         ::setsockopt(fd_, IPPROTO_IP, IP_RECVERR, &one, sizeof one);
-        if (address.ss_family == AF_INET6) ::setsockopt(fd_, IPPROTO_IPV6, IPV6_RECVERR, &one, sizeof one);
-        if (fd_ < 0 || ::bind(fd_, reinterpret_cast<const sockaddr*>(&address), size) != 0)
+        if (address.bytes.ss_family == AF_INET6) ::setsockopt(fd_, IPPROTO_IPV6, IPV6_RECVERR, &one, sizeof one);
+        if (fd_ < 0 || ::bind(fd_, reinterpret_cast<const sockaddr*>(&address.bytes), address.size) != 0)
             throw SetupError(fmt::format("--listen {}: {}", listen, std::strerror(errno)));
     }
-    ~Stream() { ::close(fd_); }
-    Stream(const Stream&) = delete;
-    Stream& operator=(const Stream&) = delete;
 
     [[nodiscard]] int fd() const { return fd_; }
     [[nodiscard]] bool has_clients() const { return !clients_.empty(); }
@@ -160,9 +156,7 @@ private:
             message.msg_control = control.data();
             message.msg_controllen = control.size();
             if (::recvmsg(fd_, &message, MSG_ERRQUEUE) < 0) return;
-            clients_.erase(
-                std::remove_if(clients_.begin(), clients_.end(), [&](const Client& c) { return is_same(c.address, to); }),
-                clients_.end());
+            std::erase_if(clients_, [&](const Client& c) { return is_same(c.address, to); });
         }
     }
 
@@ -170,7 +164,7 @@ private:
     std::string sensor_;
     std::uint32_t zero_;
     modbus::AllowList allow_;
-    int fd_ = -1;
+    Descriptor fd_;
     bool bias_next_ = false, refused_bias_ = false;
     std::vector<Client> clients_;
 };

@@ -15,7 +15,6 @@ enum Command : std::uint16_t {
     kStream = 2,     // records as they are measured
     kBuffered = 3,   // the same here: a datagram may hold one record
     kMultiUnit = 4,  // the same here
-    kResetLatch = 0x41,
     kBias = 0x42
 };
 struct Request {

@@ -57,24 +57,4 @@ bool AllowList::allows(const sockaddr_storage& peer) const noexcept {
                        [&](const Network& n) { return same_prefix(address, n.address, n.bits); });
 }
 
-sockaddr_storage listen_address(const std::string& text, socklen_t& size) {
-    sockaddr_storage storage{};
-    const std::size_t colon = text.rfind(':');
-    const auto port = htons(std::uint16_t(std::strtoul(text.c_str() + colon + 1, nullptr, 10)));
-    if (text.front() == '[') {
-        auto& v6 = reinterpret_cast<sockaddr_in6&>(storage);
-        v6.sin6_family = AF_INET6;
-        v6.sin6_port = port;
-        ::inet_pton(AF_INET6, text.substr(1, colon - 2).c_str(), &v6.sin6_addr);
-        size = sizeof v6;
-    } else {
-        auto& v4 = reinterpret_cast<sockaddr_in&>(storage);
-        v4.sin_family = AF_INET;
-        v4.sin_port = port;
-        ::inet_pton(AF_INET, text.substr(0, colon).c_str(), &v4.sin_addr);
-        size = sizeof v4;
-    }
-    return storage;
-}
-
 }  // namespace tactiled::modbus

@@ -30,7 +30,4 @@ private:
 // Returns true if two peers are the same host, independent of their ports.
 bool same_host(const sockaddr_storage& a, const sockaddr_storage& b) noexcept;
 
-// Parses "ADDRESS:PORT" or "[IPv6]:PORT", which the configuration has checked.
-sockaddr_storage listen_address(const std::string& text, socklen_t& size);
-
 }  // namespace tactiled::modbus

@@ -3,15 +3,12 @@
 #include <poll.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
 
 namespace tactiled::modbus {
-
-Connection::~Connection() { ::close(fd_); }
 
 const char* Connection::serve(const Answer& answer, std::uint64_t now_ns) {
     if (request_waits_ && !has_room(now_ns)) return "";

@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdint>
 
+#include "drivers/descriptor.hpp"
 #include "node/modbus/controls.hpp"
 #include "node/modbus/responder.hpp"
 
@@ -31,9 +32,6 @@ public:
           heard_ns_(now_ns),
           asked_ns_(now_ns),
           cost_ns_(max_per_s > 0 ? 1'000'000'000u / std::uint64_t(max_per_s) : 0) {}
-    ~Connection();
-    Connection(const Connection&) = delete;
-    Connection& operator=(const Connection&) = delete;
 
     // Receives, and has whole requests answered in order on the socket. Returns "" or the reason why the connection
     // must be closed.
@@ -63,7 +61,7 @@ private:
     const char* receive(std::uint64_t now_ns);
     const char* answer_all(const Answer& answer, std::uint64_t now_ns);
 
-    int fd_;
+    Descriptor fd_;
     std::array<std::uint8_t, kMaxAtOnce * kMaxAdu> in_{};
     std::size_t received_ = 0;
     bool request_waits_ = false;  // a complete request is at the start of in_

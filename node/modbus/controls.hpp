@@ -12,7 +12,6 @@
 #include "node/modbus/request_validator.hpp"
 #include "node/modbus/robot.hpp"
 #include "node/modbus/teaching.hpp"
-#include "node/modbus/words.hpp"
 #include "node/pipeline.hpp"
 #include "node/realtime.hpp"
 

@@ -25,6 +25,20 @@ void put_float(double value, bool low_word_first, std::uint16_t* out) noexcept;
 // is as configured.
 double decode(const Register& of, std::uint16_t word) noexcept;
 
+// The words of the registers that may be written, 5000 .. 5227, and the values that they stand for.
+class Words {
+public:
+    // At the start the settings are as configured, i16 are not available, and all others are 0.
+    Words() noexcept;
+    [[nodiscard]] std::uint16_t& operator[](unsigned at) noexcept { return words_[at - kControlsAt]; }
+    [[nodiscard]] std::uint16_t operator[](unsigned at) const noexcept { return words_[at - kControlsAt]; }
+    // Returns the value of a u16 or i16: see decode().
+    [[nodiscard]] double value(unsigned at) const noexcept { return decode(*writable_at(at), (*this)[at]); }
+
+private:
+    std::array<std::uint16_t, kControlsSize + kScratchSize> words_{};
+};
+
 // Unit of a force outside of the sensor blocks and by default in them, and the largest numbers of an i16 and of a u16.
 inline constexpr double kForceUnit_N = 0.01;
 inline constexpr int kForceScale = -2;  // its power of ten

@@ -73,9 +73,10 @@ Request check_pdu(std::span<const std::uint8_t> pdu, bool scratch) noexcept {
             if (request.write.at >= kCoils) return refuse(kIllegalAddress);
             return request;
         case kWriteRegister:
-            if (size != 5) return refuse(kIllegalValue);
+        case kMaskWrite:
+            if (size != (pdu[0] == kMaskWrite ? 7u : 5u)) return refuse(kIllegalValue);
             request.write = {word(pdu, 1), 1};
-            request.written = pdu.subspan(3);
+            request.written = pdu.subspan(3);  // the value, or AND mask and OR mask
             if (!is_writable(request.write, scratch)) return refuse(kIllegalAddress);
             return request;
         case kWriteCoils:
@@ -89,12 +90,6 @@ Request check_pdu(std::span<const std::uint8_t> pdu, bool scratch) noexcept {
             if (size < 6 || !in(word(pdu, 3), kMaxWrite) || !holds(5, 2u * word(pdu, 3))) return refuse(kIllegalValue);
             request.write = run(1);
             request.written = pdu.subspan(6);
-            if (!is_writable(request.write, scratch)) return refuse(kIllegalAddress);
-            return request;
-        case kMaskWrite:
-            if (size != 7) return refuse(kIllegalValue);
-            request.write = {word(pdu, 1), 1};
-            request.written = pdu.subspan(3);  // AND mask, OR mask
             if (!is_writable(request.write, scratch)) return refuse(kIllegalAddress);
             return request;
         case kReadWrite:

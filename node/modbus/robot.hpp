@@ -1,8 +1,8 @@
 // A PLC's data about the robot: the gripper's state, gravity and acceleration at the hand. Registers 5022 and
 // 5040 .. 5046. These writes have no acknowledgement.
 #pragma once
-#include "node/command_ring.hpp"
-#include "node/modbus/words.hpp"
+#include "node/command.hpp"
+#include "node/modbus/encode.hpp"
 
 namespace tactiled::modbus {
 

@@ -1,6 +1,5 @@
 // The registers that may be written. Controls keeps their words, and decode() gives their values.
 #include "node/modbus/rows.hpp"
-#include "node/modbus/words.hpp"
 
 namespace tactiled::modbus {
 namespace {

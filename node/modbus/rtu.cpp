@@ -97,7 +97,7 @@ RtuLine::RtuLine(const RtuSettings& settings)
 
 void RtuLine::open(std::uint64_t now_ns) {
     std::string why;
-    fd_ = open_tty(settings_.device, tty_of(settings_), why);
+    fd_.reset(open_tty(settings_.device, tty_of(settings_), why));
     responder.set_descriptor(fd_);
     open_again_ns_ = now_ns + kRetryNs;
     received_ = 0;
@@ -114,11 +114,6 @@ void RtuLine::open(std::uint64_t now_ns) {
     }
 }
 
-void RtuLine::close() noexcept {
-    if (fd_ >= 0) ::close(fd_);
-    fd_ = -1;
-}
-
 bool RtuLine::receive(std::uint64_t now_ns) {
     // Bytes after the silence that ends a frame begin a new one, even if tick() was not called in between.
     if (silent_since_ns_ != 0 && now_ns > frame_ends_ns()) {
@@ -130,7 +125,7 @@ bool RtuLine::receive(std::uint64_t now_ns) {
     const ssize_t size = ::read(fd_, bytes, sizeof bytes);
     if (size <= 0) {
         if (size < 0 && (errno == EAGAIN || errno == EINTR)) return true;
-        close();
+        fd_.reset();
         open_again_ns_ = now_ns + kRetryNs / 10;
         return false;
     }

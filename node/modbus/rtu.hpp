@@ -7,6 +7,7 @@
 #include <string>
 
 #include "config/config.hpp"
+#include "drivers/descriptor.hpp"
 #include "node/modbus/connection.hpp"
 
 namespace tactiled::modbus {
@@ -22,9 +23,6 @@ namespace tactiled::modbus {
 class RtuLine {
 public:
     explicit RtuLine(const RtuSettings& settings);
-    ~RtuLine() { close(); }
-    RtuLine(const RtuLine&) = delete;
-    RtuLine& operator=(const RtuLine&) = delete;
 
     // Returns the descriptor to watch for input; -1 while the device is missing. tick() opens it again.
     [[nodiscard]] int fd() const noexcept { return fd_; }
@@ -47,7 +45,6 @@ public:
 
 private:
     void open(std::uint64_t now_ns);
-    void close() noexcept;
     void take_frame(const Answer& answer, std::uint64_t now_ns);
     [[nodiscard]] std::uint64_t frame_ends_ns() const noexcept {
         return silent_since_ns_ + (is_whole_ ? silence_ns_ : pieces_ns_);
@@ -56,7 +53,7 @@ private:
     RtuSettings settings_;
     std::uint64_t silence_ns_;  // t3.5, between a request and its answer
     std::uint64_t pieces_ns_;   // between the pieces in which an adapter delivers a frame, at most
-    int fd_ = -1;
+    Descriptor fd_;
     std::uint64_t open_again_ns_ = 0;
     std::uint64_t silent_since_ns_ = 0;  // 0: no frame waits for its end
     std::array<std::uint8_t, kMaxRtu> frame_{};

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "config/network_address.hpp"
 #include "drivers/clock.hpp"
 #include "node/log.hpp"
 
@@ -48,8 +49,8 @@ ModbusServer::ModbusServer(std::string node_name, const ModbusSettings& settings
       writers_(settings.command_allow),
       service_(std::move(node_name), settings, commands),
       line_(settings.rtu) {
-    epoll_ = ::epoll_create1(EPOLL_CLOEXEC);
-    ticks_ = ::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC);
+    epoll_.reset(::epoll_create1(EPOLL_CLOEXEC));
+    ticks_.reset(::timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC));
     if (epoll_ < 0 || ticks_ < 0 || !set_tick(kTickNs))
         throw SetupError(fmt::format("Modbus: epoll, timer: {}", std::strerror(errno)));
     watch(epoll_, EPOLL_CTL_ADD, ticks_, EPOLLIN);
@@ -66,10 +67,6 @@ ModbusServer::~ModbusServer() {
     const itimerspec now{{}, {0, 1}};
     ::timerfd_settime(ticks_, 0, &now, nullptr);  // ends the wait of the thread
     thread_.join();
-    clients_.clear();
-    stop_listening();
-    ::close(ticks_);
-    ::close(epoll_);
 }
 
 void ModbusServer::serve() noexcept {
@@ -163,12 +160,11 @@ void ModbusServer::serve_line(std::uint64_t now_ns, bool readable) {
 // ---- the port --------------------------------------------------------------------------------------------------------
 
 void ModbusServer::try_to_listen(std::uint64_t now_ns) {
-    socklen_t size = 0;
-    const sockaddr_storage address = modbus::listen_address(settings_.listen, size);
+    const ListenAddress address = check_listen_address(settings_.listen);
     const int one = 1;
-    listener_ = ::socket(address.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+    listener_.reset(::socket(address.bytes.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
     if (listener_ >= 0) ::setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
-    if (listener_ >= 0 && ::bind(listener_, reinterpret_cast<const sockaddr*>(&address), size) == 0 &&
+    if (listener_ >= 0 && ::bind(listener_, reinterpret_cast<const sockaddr*>(&address.bytes), address.size) == 0 &&
         ::listen(listener_, kBacklog) == 0) {
         watch(epoll_, EPOLL_CTL_ADD, listener_, EPOLLIN);
         if (!complaint_.empty()) log_line(LogLevel::info, "Modbus: listening on {}", settings_.listen);
@@ -178,13 +174,8 @@ void ModbusServer::try_to_listen(std::uint64_t now_ns) {
     const std::string why = fmt::format("Modbus: {}: {}; trying again each second", settings_.listen, std::strerror(errno));
     if (why != complaint_) log_text(LogLevel::warning, why);
     complaint_ = why;
-    stop_listening();
+    listener_.reset();
     listen_again_ns_ = now_ns + kRetryNs;
-}
-
-void ModbusServer::stop_listening() noexcept {
-    if (listener_ >= 0) ::close(listener_);
-    listener_ = -1;
 }
 
 // Fills the free places, or judges one client where there is none. The next cycle goes on, after it has closed clients
@@ -195,7 +186,7 @@ void ModbusServer::accept_all(std::uint64_t now_ns) {
     for (std::size_t n = 0; n < most; ++n) {
         sockaddr_storage peer{};
         socklen_t size = sizeof peer;
-        const int fd = ::accept4(listener_, reinterpret_cast<sockaddr*>(&peer), &size, SOCK_NONBLOCK | SOCK_CLOEXEC);
+        Descriptor fd(::accept4(listener_, reinterpret_cast<sockaddr*>(&peer), &size, SOCK_NONBLOCK | SOCK_CLOEXEC));
         if (fd < 0) {
             if (errno == EMFILE || errno == ENFILE || errno == ENOMEM || errno == ENOBUFS) {
                 watch(epoll_, EPOLL_CTL_DEL, listener_, 0);  // the waiting client would wake the thread again and again
@@ -208,7 +199,6 @@ void ModbusServer::accept_all(std::uint64_t now_ns) {
         const bool plc = !settings_.plc.empty() && plcs_.allows(peer);
         if ((!plc && !allowed_.allows(peer)) || !make_room(peer, plc, now_ns)) {
             ++counts_.refused;
-            ::close(fd);
             continue;
         }
         const int one = 1, keep_idle_s = 5, keep_interval_s = 2, keep_count = 3;
@@ -222,10 +212,10 @@ void ModbusServer::accept_all(std::uint64_t now_ns) {
         ::setsockopt(fd, IPPROTO_TCP, TCP_KEEPCNT, &keep_count, sizeof keep_count);
         try {
             admit(fd, peer, plc, now_ns);
+            (void)fd.release();
         } catch (const std::bad_alloc&) {
             clients_.erase(fd);
             ++counts_.refused;
-            ::close(fd);
         }
     }
 }

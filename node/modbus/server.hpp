@@ -52,7 +52,6 @@ private:
     void serve_held_back(std::uint64_t now_ns);
     void serve_line(std::uint64_t now_ns, bool readable);
     void try_to_listen(std::uint64_t now_ns);
-    void stop_listening() noexcept;
     void accept_all(std::uint64_t now_ns);
     void admit(int fd, const sockaddr_storage& peer, bool plc, std::uint64_t now_ns);
     bool make_room(const sockaddr_storage& peer, bool plc, std::uint64_t now_ns);
@@ -67,7 +66,7 @@ private:
     modbus::RtuLine line_;
     int watched_line_ = -1;
 
-    int epoll_ = -1, ticks_ = -1, listener_ = -1;
+    Descriptor epoll_, ticks_, listener_;
     std::uint64_t tick_ns_ = 0;
     std::uint64_t listen_again_ns_ = 0, complain_again_ns_ = 0;
     std::uint64_t looked_ns_ = 0;  // last time at which requests were looked for, on the clock that continues during suspend

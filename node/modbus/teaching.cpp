@@ -12,7 +12,7 @@ void Teaching::begin(std::uint32_t id, const Weighing& weighing) noexcept {
     try {
         thread_.start("teach", 0, -1, [this, id, weighing] {
             try {
-                store(id, weighing);
+                objects_ = teach_grasp(path_, id, fmt::format("object{}", id), weighing);
                 state_.store(stored, std::memory_order_release);
             } catch (const std::exception& error) {
                 log_line(LogLevel::warning, "Modbus TEACH {}: {}", id, error.what());
@@ -20,10 +20,6 @@ void Teaching::begin(std::uint32_t id, const Weighing& weighing) noexcept {
             }
         });
     } catch (const std::exception&) { state_.store(failed, std::memory_order_release); }
-}
-
-void Teaching::store(std::uint32_t id, const Weighing& weighing) {
-    objects_ = teach_grasp(path_, id, fmt::format("object{}", id), weighing);
 }
 
 }  // namespace tactiled::modbus

@@ -29,8 +29,6 @@ public:
     void settle() noexcept { state_.store(idle, std::memory_order_release); }
 
 private:
-    void store(std::uint32_t id, const Weighing& weighing);
-
     std::string path_;
     std::vector<TaughtObject> objects_;
     std::atomic<State> state_{idle};

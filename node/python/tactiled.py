@@ -121,7 +121,7 @@ _SENSOR = _Struct(
     "name:32s model:32s method:32s serial:32s link:32s ring:5I stale_ms:I n_channels:I components:I full_scale:6f "
     "budget_us:f first_method:I methods:128s method_us:8f method_error:8f count:32I freshness:I "
     "age_bound_us:I")
-_SENSOR_SIZE_1_0, _SENSOR_SIZE_1_3 = 216, 544
+_SENSOR_SIZE_1_0 = 216
 _SAMPLE = _Struct(
     "sequence:Q t_ns:Q t_published_ns:Q epoch:I quality:I reasons:I device_sequence:I missing:I saturated:I "
     "tare_count:I lost:I force_S_N:3d torque_S_Nm:3d sd_force_N:3d sd_torque_Nm:3d raw_force_S_N:3d raw_torque_S_Nm:3d "
@@ -543,13 +543,7 @@ class Node(_Attached):
     def reason_counts(self, sensor):
         """Returns the number of samples with each reason since the daemon started, as {word: count}, without reasons
         that never occurred."""
-        self.info(sensor)
-        h, index = self._segment.header, list(self._segment.sensors).index(sensor)
-        if h.sensor_size < _SENSOR_SIZE_1_3:  # an older daemon does not count reasons
-            return {}
-        size = min(h.sensor_size, _SENSOR.size)
-        entry = self._segment.read(h.sensor_offset + index * h.sensor_size, size).ljust(_SENSOR.size, b"\0")
-        counts = _SENSOR.values(entry, 0)[_SENSOR.names.index("count")]
+        counts = self.info(sensor).count  # all 0 from an older daemon, which does not count reasons
         return {word: count for word, count in zip(REASON_WORDS, counts) if count}
 
     def latest(self, sensor):

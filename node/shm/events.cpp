@@ -3,9 +3,6 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/socket.h>
-#include <unistd.h>
-
-#include <algorithm>
 
 namespace tactiled {
 namespace {
@@ -15,10 +12,6 @@ constexpr std::uint64_t kLookNs = 100'000'000;  // maximum time for which a disc
 EventFanOut::~EventFanOut() {
     stop_.store(true);
     thread_.join();
-    for (const auto& s : subscribers_) {
-        ::close(s.connection);
-        ::close(s.event);
-    }
 }
 
 int EventFanOut::subscribe(int connection) {
@@ -26,20 +19,16 @@ int EventFanOut::subscribe(int connection) {
     if (subscribers_.size() >= kMax) return -1;
     int ends[2];
     if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, ends) != 0) return -1;
-    const int ours = ::fcntl(connection, F_DUPFD_CLOEXEC, 0);
-    if (ours < 0) {
-        ::close(ends[0]);
-        ::close(ends[1]);
-        return -1;
-    }
+    Descriptor event(ends[0]), theirs(ends[1]), ours(::fcntl(connection, F_DUPFD_CLOEXEC, 0));
+    if (ours < 0) return -1;
     const int min = 1;  // the kernel uses its minimum: at most a few packets wait for a subscriber
-    ::setsockopt(ends[0], SOL_SOCKET, SO_SNDBUF, &min, sizeof min);
-    subscribers_.push_back({ours, ends[0], 0});
+    ::setsockopt(event, SOL_SOCKET, SO_SNDBUF, &min, sizeof min);
+    subscribers_.push_back({std::move(ours), std::move(event), 0});
     if (!started_) {
         thread_.start("events", 0, -1, [this] { run(); });
         started_ = true;
     }
-    return ends[1];
+    return theirs.release();
 }
 
 void EventFanOut::run() noexcept {
@@ -88,12 +77,9 @@ bool EventFanOut::drop_disconnected() noexcept {
     const std::lock_guard lock(mutex_);
     const auto disconnected = [](const Subscriber& s) {
         pollfd p{s.connection, POLLIN, 0};
-        if (::poll(&p, 1, 0) != 1) return false;  // a subscriber sends no data, so an event is its end
-        ::close(s.connection);
-        ::close(s.event);
-        return true;
+        return ::poll(&p, 1, 0) == 1;  // a subscriber sends no data, so an event is its end
     };
-    subscribers_.erase(std::remove_if(subscribers_.begin(), subscribers_.end(), disconnected), subscribers_.end());
+    std::erase_if(subscribers_, disconnected);
     return !subscribers_.empty();
 }
 

@@ -10,6 +10,7 @@
 #include <mutex>
 #include <vector>
 
+#include "drivers/descriptor.hpp"
 #include "node/realtime.hpp"
 #include "tactiled/reader.hpp"
 
@@ -32,7 +33,7 @@ public:
 
 private:
     struct Subscriber {
-        int connection, event;
+        Descriptor connection, event;
         std::uint64_t news;  // number of node records that are not reported yet
     };
     void run() noexcept;

@@ -11,6 +11,7 @@
 #include <cstring>
 
 #include "config/options.hpp"
+#include "drivers/descriptor.hpp"
 #include "tactiled/folder.h"
 
 namespace tactiled {
@@ -39,9 +40,8 @@ std::string runtime_folder() {
         throw SetupError(fmt::format("{}: {}; {}", folder, std::strerror(errno), kAdvice));
     char why[256];
     uid_t owner = 0;
-    const int fd = tactiled_open_folder(folder.c_str(), &owner, why, sizeof why);
+    const Descriptor fd(tactiled_open_folder(folder.c_str(), &owner, why, sizeof why));
     if (fd < 0) throw SetupError(fmt::format("{}; {}", why, kAdvice));
-    ::close(fd);
     if (owner != ::geteuid() && ::geteuid() != 0)
         throw SetupError(fmt::format("{}: belongs to user {}, so readers would not trust a segment of user {} there; {}",
                                      folder, owner, ::geteuid(), kAdvice));

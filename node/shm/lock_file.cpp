@@ -24,27 +24,22 @@ bool is_still_named(int fd, const std::string& path) {
 
 LockFile::State LockFile::take(int patience_ms) {
     for (const std::uint64_t until_ns = monotonic_ns() + std::uint64_t(patience_ms) * 1'000'000u;;) {
-        const int fd = ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600);
+        Descriptor fd(::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600));
         struct stat status {};
-        if (fd < 0 || ::fstat(fd, &status) != 0 || status.st_uid != ::geteuid() || !S_ISREG(status.st_mode)) {
-            if (fd >= 0) ::close(fd);
+        if (fd < 0 || ::fstat(fd, &status) != 0 || status.st_uid != ::geteuid() || !S_ISREG(status.st_mode))
             return State::foreign;
-        }
         if (lock(fd) && is_still_named(fd, path_)) {
-            fd_ = fd;
+            fd_ = std::move(fd);
             return State::held;
         }
-        ::close(fd);
         if (monotonic_ns() >= until_ns) return State::busy;
         ::usleep(1000);
     }
 }
 
 LockFile::~LockFile() {
-    if (fd_ < 0) return;
     // unlinked while the lock is held, so that a waiting process detects the missing name and opens the file again
-    ::unlink(path_.c_str());
-    ::close(fd_);
+    if (fd_ >= 0) ::unlink(path_.c_str());
 }
 
 }  // namespace tactiled

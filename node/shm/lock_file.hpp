@@ -2,6 +2,8 @@
 #pragma once
 #include <string>
 
+#include "drivers/descriptor.hpp"
+
 namespace tactiled {
 
 // Takes an open-file-description lock for writing on the whole file. The kernel releases the lock with the last descriptor.
@@ -28,7 +30,7 @@ public:
 
 private:
     std::string path_;
-    int fd_ = -1;
+    Descriptor fd_;
 };
 
 }  // namespace tactiled

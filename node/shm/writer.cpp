@@ -9,20 +9,19 @@
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <bit>
 #include <cassert>
 #include <cerrno>
-#include <climits>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <optional>
 #include <utility>
 
+#include "drivers/clock.hpp"
 #include "node/shm/folder.hpp"
 #include "node/shm/frame_record.hpp"
 #include "node/shm/lock_file.hpp"
@@ -82,13 +81,11 @@ std::uint32_t history_of(const SegmentPlan& plan) {
     return history;
 }
 
-int make_wake_page() {
-    const int fd = ::memfd_create("tactiled-wake", MFD_CLOEXEC | MFD_ALLOW_SEALING);
+Descriptor make_wake_page() {
+    Descriptor fd(::memfd_create("tactiled-wake", MFD_CLOEXEC | MFD_ALLOW_SEALING));
     if (fd >= 0 && (::ftruncate(fd, sizeof(tactiled_wake)) != 0 ||
-                    ::fcntl(fd, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) != 0)) {
-        ::close(fd);
-        return -1;
-    }
+                    ::fcntl(fd, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) != 0))
+        fd.reset();
     return fd;
 }
 
@@ -106,32 +103,27 @@ constexpr int kPatienceMs = 2'000;  // a start takes milliseconds
 // Marks the file of a dead daemon as replaced for its readers, removes its name, and returns its epoch; nullopt if there is
 // no file of that name.
 std::optional<std::uint32_t> retire_predecessor(const std::string& path) {
-    const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+    const Descriptor fd(::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
     if (fd < 0 && errno == ENOENT) return std::nullopt;
     if (fd < 0)
         throw SetupError(fmt::format("{}: {}: another user owns it; remove it, or choose another [node] name", path,
                                      std::strerror(errno)));
     struct stat status {};
     ::fstat(fd, &status);
-    if (status.st_uid != ::geteuid()) {
-        ::close(fd);
+    if (status.st_uid != ::geteuid())
         throw SetupError(
             fmt::format("{}: belongs to user {}: remove it, or choose another [node] name", path, status.st_uid));
-    }
     tactiled_header old{};
     const bool whole = ::pread(fd, &old, sizeof old, 0) == ssize_t(sizeof old) &&
                        std::memcmp(old.magic, TACTILED_MAGIC, sizeof old.magic) == 0;
-    if (is_write_locked(fd)) {  // the writer is `old.pid`, because a writer locks the file before it gives it a name
-        ::close(fd);
+    if (is_write_locked(fd))  // the writer is `old.pid`, because a writer locks the file before it gives it a name
         throw SetupError(fmt::format("{}: another daemon of this name runs, pid {}", path, whole ? old.pid : 0));
-    }
     if (whole) {
         const std::uint32_t replaced = TACTILED_REPLACED;
         [[maybe_unused]] const auto written = ::pwrite(fd, &replaced, sizeof replaced, offsetof(tactiled_header, state));
     }
     ::unlink(path.c_str());  // the writer is dead and this process holds the start lock, so no other process has replaced
                              // the file
-    ::close(fd);
     return whole ? old.epoch : 0;
 }
 
@@ -156,9 +148,7 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
     ::syscall(SYS_membarrier, MEMBARRIER_CMD_REGISTER_GLOBAL_EXPEDITED, 0, 0);
 
     // The time since boot in units of 17 ms differs from the epoch of each earlier start, also if a clean end left no file.
-    timespec now{};
-    ::clock_gettime(CLOCK_BOOTTIME, &now);
-    auto epoch = std::uint32_t((std::uint64_t(now.tv_sec) * 1'000'000'000u + std::uint64_t(now.tv_nsec)) >> 24);
+    auto epoch = std::uint32_t(with_suspend_ns() >> 24);
     // Held from reading the old file until the new file has its name, to serialise daemons that start at the same time. The
     // lock of the segment is not suitable, because a reader may hold a lock on that file. In /dev/shm another user can
     // create the file of this lock; two daemons of one name that start at the same time are then not serialised.
@@ -170,7 +160,7 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
     for (;;) {
         if (const auto old = retire_predecessor(path_)) epoch = std::max(epoch, *old);
         if (fd_ < 0) {
-            fd_ = ::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+            fd_.reset(::open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600));
             if (fd_ < 0) throw fail("cannot create");  // EOPNOTSUPP: a file system without unnamed files
             // ftruncate would succeed on a full file system, and the first write would raise SIGBUS.
             if (const int error = ::posix_fallocate(fd_, 0, off_t(size_))) {
@@ -193,7 +183,7 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
             if (!lock(fd_)) throw fail("lock");
         }
         header().epoch = epoch + 1;
-        const std::string nameless = fmt::format("/proc/self/fd/{}", fd_);
+        const std::string nameless = fmt::format("/proc/self/fd/{}", int(fd_));
         if (::linkat(AT_FDCWD, nameless.c_str(), AT_FDCWD, path_.c_str(), AT_SYMLINK_FOLLOW) == 0) return;
         if (errno != EEXIST) throw fail("cannot name");  // EEXIST: another process has created the name meanwhile
     }
@@ -208,8 +198,6 @@ SegmentWriter::~SegmentWriter() {
 void SegmentWriter::give_back() noexcept {
     if (base_ != nullptr) ::munmap(base_, size_);
     if (wake_ != nullptr) ::munmap(const_cast<tactiled_wake*>(wake_), sizeof *wake_);
-    for (const int fd : {fd_, wake_fd_})
-        if (fd >= 0) ::close(fd);
 }
 
 void SegmentWriter::lay_out(const SegmentPlan& plan, std::uint32_t epoch) {

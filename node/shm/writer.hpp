@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "config/options.hpp"
+#include "drivers/descriptor.hpp"
 #include "drivers/frame.hpp"
 #include "tactiled/layout.h"
 
@@ -85,7 +86,7 @@ private:
     void give_back() noexcept;
 
     std::string path_;
-    int fd_ = -1, wake_fd_ = -1;
+    Descriptor fd_, wake_fd_;
     char* base_ = nullptr;
     std::size_t size_ = 0;
     const tactiled_wake* wake_ = nullptr;

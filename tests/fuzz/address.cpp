@@ -51,13 +51,11 @@ void check_network(const std::string& text, std::span<const std::uint8_t> peer) 
 void check_listen(const std::string& text) {
     const ListenAddress found = check_listen_address(text);
     if (!found.fault.empty()) return;
-    socklen_t size = 0;
-    const sockaddr_storage address = modbus::listen_address(text, size);
-    const bool v4 = address.ss_family == AF_INET;
+    const bool v4 = found.bytes.ss_family == AF_INET;
     const in6_addr loopback = IN6ADDR_LOOPBACK_INIT;
-    const auto& of_v4 = reinterpret_cast<const sockaddr_in&>(address);
-    const auto& of_v6 = reinterpret_cast<const sockaddr_in6&>(address);
-    check(size == (v4 ? sizeof of_v4 : sizeof of_v6));
+    const auto& of_v4 = reinterpret_cast<const sockaddr_in&>(found.bytes);
+    const auto& of_v6 = reinterpret_cast<const sockaddr_in6&>(found.bytes);
+    check(found.size == (v4 ? sizeof of_v4 : sizeof of_v6));
     check((v4 ? of_v4.sin_port : of_v6.sin6_port) != 0);
     check(found.loopback ==
           (v4 ? ntohl(of_v4.sin_addr.s_addr) >> 24 == 127 : std::memcmp(&of_v6.sin6_addr, &loopback, sizeof loopback) == 0));

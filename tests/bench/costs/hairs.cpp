@@ -5,9 +5,9 @@
 #include <cmath>
 #include <random>
 
-#include "decoupling/hair/threshold.hpp"
 #include "tests/bench/costs/cost.hpp"
 #include "tests/bench/costs/turns.hpp"
+#include "tests/unit/decoupling/threshold.hpp"
 
 namespace tactiled::ctl {
 namespace {

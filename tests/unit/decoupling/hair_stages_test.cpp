@@ -6,8 +6,8 @@
 #include "decoupling/hair/physics.hpp"
 #include "decoupling/hair/solver.hpp"
 #include "decoupling/hair/stages.hpp"
-#include "decoupling/hair/threshold.hpp"
 #include "hair_session.hpp"
+#include "tests/unit/decoupling/threshold.hpp"
 
 namespace tactiled {
 namespace {

@@ -1,8 +1,7 @@
 // The FT 300's stream.
 #include <cmath>
 
-#include "drivers/wire/ft300_frame.hpp"
-#include "drivers/wire/modbus_message.hpp"
+#include "tests/unit/drivers/ft300_bytes.hpp"
 #include "tests/unit/drivers/wire_bytes.hpp"
 
 namespace tactiled {

@@ -17,7 +17,7 @@
 #include "drivers/driver.hpp"
 #include "drivers/tty.hpp"
 #include "drivers/wire/cobs_frame.hpp"
-#include "drivers/wire/ft300_frame.hpp"
+#include "tests/unit/drivers/ft300_bytes.hpp"
 
 namespace tactiled {
 namespace {

@@ -6,6 +6,8 @@
 
 #include <cstring>
 
+#include "config/network_address.hpp"
+
 namespace tactiled::modbus {
 namespace {
 
@@ -32,14 +34,13 @@ TEST(AllowList, APrefixNeedNotEndAtAByte) {
 }
 
 TEST(AllowList, ListensWhereItIsConfigured) {
-    socklen_t size = 0;
-    const sockaddr_storage v6 = listen_address("[::1]:1502", size);
-    EXPECT_EQ(size, sizeof(sockaddr_in6));
-    EXPECT_TRUE(same_host(v6, peer("::1")));
-    EXPECT_EQ(ntohs(reinterpret_cast<const sockaddr_in6&>(v6).sin6_port), 1502);
-    const sockaddr_storage v4 = listen_address("127.0.0.5:502", size);
-    EXPECT_EQ(size, sizeof(sockaddr_in));
-    EXPECT_TRUE(same_host(v4, peer("127.0.0.5")));
+    const ListenAddress v6 = check_listen_address("[::1]:1502");
+    EXPECT_EQ(v6.size, sizeof(sockaddr_in6));
+    EXPECT_TRUE(same_host(v6.bytes, peer("::1")));
+    EXPECT_EQ(ntohs(reinterpret_cast<const sockaddr_in6&>(v6.bytes).sin6_port), 1502);
+    const ListenAddress v4 = check_listen_address("127.0.0.5:502");
+    EXPECT_EQ(v4.size, sizeof(sockaddr_in));
+    EXPECT_TRUE(same_host(v4.bytes, peer("127.0.0.5")));
 }
 
 }  // namespace
