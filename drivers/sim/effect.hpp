@@ -198,7 +198,7 @@ struct EffectEntry {
     std::string_view cost_class;  // c0 < 5 ns, c1 5 .. 50 ns, c2 0.05 .. 1 us, c3 1 .. 50 us per sample
     double instructions;          // measured, per sample of a sensor with all its channels
     unsigned models;              // bits 1 << int(Model) of the sensors that it concerns
-    std::vector<Parameter> parameters;
+    std::vector<Parameter> parameters = {};
     Bound (*bound)(const Setting&);                          // setup
     std::unique_ptr<Effect> (*make)(const Setting&);         // setup
     std::vector<Level> (*levels)(const Setting&) = nullptr;  // setup; the levels available here, in any order

@@ -1,8 +1,6 @@
 // tactiled-web: the page of a tactiled daemon, its metrics and its state as JSON, over HTTP. Reads the segment; with a token
 // it also sends commands through the control socket.
-#include <arpa/inet.h>
 #include <fmt/format.h>
-#include <netinet/in.h>
 #include <poll.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
@@ -50,31 +48,15 @@ std::string token_in(const std::string& path) {
 }
 
 int listen_on(const std::string& text) {
-    const ListenAddress checked = check_listen_address(text);
-    if (!checked.fault.empty()) throw SetupError(fmt::format("--listen {}: {}", text, checked.fault));
-    const std::size_t colon = text.rfind(':');
-    const auto port = in_port_t(std::stoi(text.substr(colon + 1)));
-    sockaddr_storage address{};
-    socklen_t size = 0;
-    if (text.front() == '[') {
-        auto& six = reinterpret_cast<sockaddr_in6&>(address);
-        six.sin6_family = AF_INET6;
-        six.sin6_port = htons(port);
-        ::inet_pton(AF_INET6, text.substr(1, colon - 2).c_str(), &six.sin6_addr);
-        size = sizeof six;
-    } else {
-        auto& four = reinterpret_cast<sockaddr_in&>(address);
-        four.sin_family = AF_INET;
-        four.sin_port = htons(port);
-        ::inet_pton(AF_INET, text.substr(0, colon).c_str(), &four.sin_addr);
-        size = sizeof four;
-    }
-    const int fd = ::socket(address.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    const ListenAddress address = check_listen_address(text);
+    if (!address.fault.empty()) throw SetupError(fmt::format("--listen {}: {}", text, address.fault));
+    const int fd = ::socket(address.bytes.ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     const int one = 1;
     ::setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
-    if (fd < 0 || ::bind(fd, reinterpret_cast<const sockaddr*>(&address), size) != 0 || ::listen(fd, 1024) != 0)
+    if (fd < 0 || ::bind(fd, reinterpret_cast<const sockaddr*>(&address.bytes), address.size) != 0 ||
+        ::listen(fd, 1024) != 0)
         throw SetupError(fmt::format("--listen {}: {}", text, std::strerror(errno)));
-    if (!checked.loopback)
+    if (!address.loopback)
         fmt::print(stderr,
                    "tactiled-web: warning: {} can be reached from other machines, without encryption: forces and the "
                    "token can be read on the way (ssh -L, or a proxy with TLS, prevents that)\n",

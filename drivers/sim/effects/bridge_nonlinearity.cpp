@@ -35,7 +35,6 @@ const EffectEntry entry{.name = "bridge_nonlinearity",
                         .cost_class = "c1",
                         .instructions = 150,
                         .models = kTable | kHair,
-                        .parameters = {},
                         .bound = bound,
                         .make = make,
                         .instant = true};

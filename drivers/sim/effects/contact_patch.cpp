@@ -67,7 +67,6 @@ const EffectEntry entry{
     .cost_class = "c3",
     .instructions = 8000,
     .models = kTable,
-    .parameters = {},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ContactPatch>(s); },
     .instant = true};

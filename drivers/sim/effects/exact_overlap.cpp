@@ -83,7 +83,6 @@ const EffectEntry entry{
     .cost_class = "c2",
     .instructions = 6400,
     .models = kCapacitive,
-    .parameters = {},
     .bound = bound,
     .make = make,
     .levels = levels,

@@ -47,7 +47,6 @@ const EffectEntry entry{.name = "friction_limit",
                         .cost_class = "c0",
                         .instructions = 30,
                         .models = kAll,
-                        .parameters = {},
                         .bound = bound,
                         .make = make,
                         .instant = true};

@@ -57,7 +57,6 @@ const EffectEntry entry{.name = "fringe_field",
                         .cost_class = "c1",
                         .instructions = 260,
                         .models = kCapacitive,
-                        .parameters = {},
                         .bound = bound,
                         .make = make,
                         .instant = true};

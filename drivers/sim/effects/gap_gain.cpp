@@ -46,7 +46,6 @@ const EffectEntry entry{.name = "gap_gain",
                         .cost_class = "c1",
                         .instructions = 140,
                         .models = kCapacitive,
-                        .parameters = {},
                         .bound = bound,
                         .make = make,
                         .instant = true};

@@ -52,7 +52,6 @@ const EffectEntry entry{.name = "hertz_contact",
                         .cost_class = "c1",
                         .instructions = 150,
                         .models = kTable,
-                        .parameters = {},
                         .bound = bound,
                         .make = make,
                         .instant = true};

@@ -57,7 +57,6 @@ const EffectEntry entry{
     .cost_class = "c1",
     .instructions = 120,
     .models = kHair | kCapacitive,
-    .parameters = {},
     .bound = bound,
     .make = make,
     .instant = true};

@@ -55,7 +55,6 @@ const EffectEntry entry{.name = "partial_slip",
                         .cost_class = "c1",
                         .instructions = 80,
                         .models = kAll,
-                        .parameters = {},
                         .bound = bound,
                         .make = make,
                         .instant = true};
