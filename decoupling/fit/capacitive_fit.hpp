@@ -96,7 +96,7 @@ struct CapacitiveModel {
 };
 
 bool is_electrode(std::string_view name);
-inline constexpr std::string_view kElectrodeOfPad = "an electrode of model \"capacitive\" (C1 .. C4, Cn)";
+inline constexpr KnownChannels kElectrodeOfPad{is_electrode, "an electrode of model \"capacitive\" (C1 .. C4, Cn)"};
 
 struct FittedPad {
     std::array<double, kUnknowns> p;

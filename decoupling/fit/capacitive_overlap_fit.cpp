@@ -54,11 +54,7 @@ void fit_overlap(const Rows& rows, Calibration& calibration, std::vector<std::st
     for (std::size_t i = 0; i < kGeometryParameters.size(); ++i) out[kGeometryParameters[i].name] = value[i];
 }
 
-const FitEntry entry{.model = "capacitive",
-                     .method = "overlap",
-                     .fit = fit_overlap,
-                     .knows_channel = is_electrode,
-                     .channels = kElectrodeOfPad};
+const FitEntry entry{.model = "capacitive", .method = "overlap", .fit = fit_overlap, .channels = kElectrodeOfPad};
 
 }  // namespace
 }  // namespace tactiled

@@ -87,11 +87,7 @@ void fit_quadratic(const Rows& rows, Calibration& calibration, std::vector<std::
     calibration.parameters["normal_range_N"] = max_press;
 }
 
-const FitEntry entry{.model = "capacitive",
-                     .method = "quadratic",
-                     .fit = fit_quadratic,
-                     .knows_channel = is_electrode,
-                     .channels = kElectrodeOfPad};
+const FitEntry entry{.model = "capacitive", .method = "quadratic", .fit = fit_quadratic, .channels = kElectrodeOfPad};
 
 }  // namespace
 }  // namespace tactiled

@@ -11,8 +11,7 @@ void fit_ratio(const Rows& rows, Calibration& calibration, std::vector<std::stri
     calibration.parameters["shear_scale_N"] = std::exp(fitted.p[kLogShear]);
 }
 
-const FitEntry entry{
-    .model = "capacitive", .method = "ratio", .fit = fit_ratio, .knows_channel = is_electrode, .channels = kElectrodeOfPad};
+const FitEntry entry{.model = "capacitive", .method = "ratio", .fit = fit_ratio, .channels = kElectrodeOfPad};
 
 }  // namespace
 }  // namespace tactiled

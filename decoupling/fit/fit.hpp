@@ -124,12 +124,17 @@ struct FitOption {
 };
 
 // One fit, at the end of its own file. The list works as that of the methods (decoupling/method.hpp).
+// The channels that a fit knows by their names.
+struct KnownChannels {
+    bool (*includes)(std::string_view name) = nullptr;  // nullptr: any channel
+    std::string_view description = {};                  // of one, for messages
+    const char* unit = "unknown";                       // the usual one
+};
+
 struct FitEntry {
     std::string_view model = {}, method = {};
     FitModel fit = nullptr;
-    bool (*knows_channel)(std::string_view) = nullptr;  // nullptr: any channel
-    std::string_view channels = {};                     // description of the channels that it knows, for messages
-    const char* channel_unit = "unknown";               // usual unit of these channels
+    KnownChannels channels = {};
     // True if the estimate of a row depends on the rows before. fit() then removes no suspected row or pose from between
     // other rows, and estimates held-out rows together with the rows before them.
     bool remembers = false;

@@ -12,12 +12,7 @@ void fit_hair_matrix(const Rows& rows, Calibration& calibration, std::vector<std
     store_response(session, hairs, 0, "leak", calibration);
 }
 
-const FitEntry entry{.model = "hair",
-                     .method = "matrix",
-                     .fit = fit_hair_matrix,
-                     .knows_channel = is_hair,
-                     .channels = kHair,
-                     .channel_unit = kHairUnit};
+const FitEntry entry{.model = "hair", .method = "matrix", .fit = fit_hair_matrix, .channels = kHair};
 
 }  // namespace
 }  // namespace tactiled

@@ -65,9 +65,7 @@ const FitEntry entry{
     .model = "hair",
     .method = "physics",
     .fit = fit_hair_physics,
-    .knows_channel = is_hair,
     .channels = kHair,
-    .channel_unit = kHairUnit,
     .option = {"elastomer", "method physics of model hair: PDMS, Ecoflex or hydrogel to start from", put_elastomer}};
 
 }  // namespace

@@ -39,12 +39,7 @@ void fit_hair_sum_diff(const Rows& rows, Calibration& calibration, std::vector<s
     }
 }
 
-const FitEntry entry{.model = "hair",
-                     .method = "sum_diff",
-                     .fit = fit_hair_sum_diff,
-                     .knows_channel = is_hair,
-                     .channels = kHair,
-                     .channel_unit = kHairUnit};
+const FitEntry entry{.model = "hair", .method = "sum_diff", .fit = fit_hair_sum_diff, .channels = kHair};
 
 }  // namespace
 }  // namespace tactiled

@@ -153,8 +153,8 @@ Labelled with_useful_channels(const Labelled& labelled, const FitEntry& method, 
     std::vector<std::size_t> kept;
     for (std::size_t k = 0; k < labelled.channels.size(); ++k) {
         const std::string& name = labelled.channels[k];
-        if (method.knows_channel != nullptr && !method.knows_channel(name)) {
-            const std::string_view what = method.channels;
+        if (method.channels.includes != nullptr && !method.channels.includes(name)) {
+            const std::string_view what = method.channels.description;
             const std::size_t article = what.find(' ') + 1;  // length of "a " or "an "
             warnings.push_back(fmt::format("channel {} is no {}: left out", name, what.substr(article)));
             continue;
@@ -169,14 +169,14 @@ Labelled with_useful_channels(const Labelled& labelled, const FitEntry& method, 
             kept.push_back(k);
         } else {
             const std::string what = min > max ? "has no value" : fmt::format("is always {}", min);
-            if (method.knows_channel != nullptr)
+            if (method.channels.includes != nullptr)
                 throw Undetermined(fmt::format("channel {} {} in the labelled rows", name, what));
             warnings.push_back(fmt::format("channel {} {} in the labelled rows: left out", name, what));
         }
     }
     if (kept.empty())
-        throw Undetermined(method.knows_channel != nullptr
-                               ? fmt::format("no column is {}", method.channels)
+        throw Undetermined(method.channels.includes != nullptr
+                               ? fmt::format("no column is {}", method.channels.description)
                                : "no channel changes in the labelled rows: is it connected, and was it loaded?");
     return with_channels(labelled, kept);
 }

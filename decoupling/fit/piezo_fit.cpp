@@ -277,8 +277,7 @@ bool is_film_or_centre(std::string_view name) { return name == "Vp" || name == "
 const FitEntry entry{.model = "piezo",
                      .method = "fused",
                      .fit = fit_piezo,
-                     .knows_channel = is_film_or_centre,
-                     .channels = "a channel of model \"piezo\" (Vp, Cn)",
+                     .channels = {is_film_or_centre, "a channel of model \"piezo\" (Vp, Cn)"},
                      .remembers = true};
 
 }  // namespace

@@ -5,8 +5,7 @@
 namespace tactiled {
 
 bool is_gauge(std::string_view name);
-inline constexpr std::string_view kGauge = "a gauge of model \"table\" (R1 .. R8)";
-inline constexpr const char* kGaugeUnit = "dR/R0";
+inline constexpr KnownChannels kGauge{is_gauge, "a gauge of model \"table\" (R1 .. R8)", "dR/R0"};
 
 // Fits gains, zeros and noise of method "linear", from which the fit of "nonlinear" starts. setup: throws
 // Undetermined

@@ -102,12 +102,7 @@ bool is_gauge(std::string_view name) { return table_gauge(name).has_value(); }
 
 namespace {
 
-const FitEntry entry{.model = "table",
-                     .method = "linear",
-                     .fit = fit_table_linear,
-                     .knows_channel = is_gauge,
-                     .channels = kGauge,
-                     .channel_unit = kGaugeUnit};
+const FitEntry entry{.model = "table", .method = "linear", .fit = fit_table_linear, .channels = kGauge};
 
 }  // namespace
 }  // namespace tactiled

@@ -137,9 +137,7 @@ const FitEntry entry{
     .model = "table",
     .method = "map",
     .fit = fit_table_map,
-    .knows_channel = is_gauge,
     .channels = kGauge,
-    .channel_unit = kGaugeUnit,
     .option = {"influence", "method map of model table: the file with the plate's influence map", add_influence}};
 
 }  // namespace

@@ -63,12 +63,7 @@ void fit_table_matrix(const Rows& rows, Calibration& calibration, std::vector<st
     (void)decoupler_of_fit(calibration, "matrix");
 }
 
-const FitEntry entry{.model = "table",
-                     .method = "matrix",
-                     .fit = fit_table_matrix,
-                     .knows_channel = is_gauge,
-                     .channels = kGauge,
-                     .channel_unit = kGaugeUnit};
+const FitEntry entry{.model = "table", .method = "matrix", .fit = fit_table_matrix, .channels = kGauge};
 
 }  // namespace
 }  // namespace tactiled

@@ -166,12 +166,7 @@ void fit_table_nonlinear(const Rows& rows, Calibration& calibration, std::vector
     (void)decoupler_of_fit(calibration, "nonlinear");
 }
 
-const FitEntry entry{.model = "table",
-                     .method = "nonlinear",
-                     .fit = fit_table_nonlinear,
-                     .knows_channel = is_gauge,
-                     .channels = kGauge,
-                     .channel_unit = kGaugeUnit};
+const FitEntry entry{.model = "table", .method = "nonlinear", .fit = fit_table_nonlinear, .channels = kGauge};
 
 }  // namespace
 }  // namespace tactiled

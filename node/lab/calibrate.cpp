@@ -198,7 +198,7 @@ int calibrate(Settings settings) {
     check_outputs(settings);
     if (settings.request.channel_unit.empty()) {
         const auto fits = fits_of(settings.request.model);
-        settings.request.channel_unit = fits.empty() ? "unknown" : fits.front()->channel_unit;
+        settings.request.channel_unit = fits.empty() ? "unknown" : fits.front()->channels.unit;
     }
     settings.request.date = fmt::format("{:%Y-%m-%d}", fmt::gmtime(std::time(nullptr)));
     FitRequest& request = settings.request;

@@ -39,7 +39,7 @@ void fit_line(const Rows& rows, Calibration& calibration, std::vector<std::strin
 }
 
 const MethodEntry method{.model = "load_cell", .method = "line", .place = 10, .parameters = kParameters, .make = make};
-const FitEntry fitting{.model = "load_cell", .method = "line", .fit = fit_line, .channel_unit = "mV/V"};
+const FitEntry fitting{.model = "load_cell", .method = "line", .fit = fit_line, .channels = {.unit = "mV/V"}};
 
 }  // namespace
 }  // namespace tactiled

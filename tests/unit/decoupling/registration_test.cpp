@@ -75,7 +75,7 @@ TEST(Registration, AModelInOneFileIsListedFittedAndRun) {
     EXPECT_EQ(estimate.quality(), TACTILED_GOOD);
     EXPECT_NEAR(estimate.wrench_S[2], -1, 3e-3);
     EXPECT_EQ(make_decoupler(calibration, "auto", 1e6)->method(), "line");
-    EXPECT_STREQ(find_fit("load_cell", "line")->channel_unit, "mV/V");
+    EXPECT_STREQ(find_fit("load_cell", "line")->channels.unit, "mV/V");
 }
 
 TEST(Registration, AMethodInOneFileRunsBesideThoseOfItsModel) {
