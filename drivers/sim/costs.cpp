@@ -27,4 +27,8 @@ double cost_ns(const EffectEntry& effect, std::string_view level, Model model) {
     return effect.instructions / (level.empty() ? 10 : 20);
 }
 
+std::string_view cost_class(const EffectEntry& effect) {
+    return effect.instructions < 50 ? "c0" : effect.instructions < 500 ? "c1" : effect.instructions < 10'000 ? "c2" : "c3";
+}
+
 }  // namespace tactiled::sim

@@ -195,9 +195,8 @@ struct EffectEntry {
     std::string_view equation;
     std::string_view source;
     Stage stage;
-    std::string_view cost_class;  // c0 < 5 ns, c1 5 .. 50 ns, c2 0.05 .. 1 us, c3 1 .. 50 us per sample
-    double instructions;          // measured, per sample of a sensor with all its channels
-    unsigned models;              // bits 1 << int(Model) of the sensors that it concerns
+    double instructions;  // measured, per sample of a sensor with all its channels
+    unsigned models;      // bits 1 << int(Model) of the sensors that it concerns
     std::vector<Parameter> parameters = {};
     Bound (*bound)(const Setting&);                          // setup
     std::unique_ptr<Effect> (*make)(const Setting&);         // setup
@@ -214,6 +213,8 @@ struct EffectEntry {
 // `level`: empty = the effect itself. Without a line in the table it is derived from the instructions, ten per ns;
 // half of that for a level. setup
 double cost_ns(const EffectEntry& effect, std::string_view level, Model model);
+// Returns the class of its instructions, ten per ns: c0 below 5 ns, c1 below 50 ns, c2 below 1 us, else c3.
+std::string_view cost_class(const EffectEntry& effect);
 
 inline constexpr unsigned kTable = 1u << int(Model::table), kHair = 1u << int(Model::hair),
                           kCapacitive = 1u << int(Model::capacitive), kAll = kTable | kHair | kCapacitive;

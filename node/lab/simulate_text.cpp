@@ -99,7 +99,7 @@ std::string effects_text() {
     std::string text;
     for (const sim::EffectEntry* e : sim::chain()) {
         text += fmt::format("{}{}: {}\n", text.empty() ? "" : "\n", e->name, e->title);
-        text += fmt::format("  stage {}, {}, {:g} instructions a sample; for {}\n", name_of(e->stage), e->cost_class,
+        text += fmt::format("  stage {}, {}, {:g} instructions a sample; for {}\n", name_of(e->stage), cost_class(*e),
                             e->instructions, fmt::join(models_of(*e), ", "));
         text += fmt::format("  {}\n  source: {}\n", e->equation, e->source);
         for (const auto& p : e->parameters)
@@ -112,10 +112,15 @@ std::string effects_text() {
 nlohmann::json effects_json() {
     nlohmann::json json{{"schema", 1}, {"effects", nlohmann::json::array()}};
     for (const sim::EffectEntry* e : sim::chain()) {
-        nlohmann::json effect{
-            {"name", e->name},         {"title", e->title},           {"stage", name_of(e->stage)},
-            {"models", models_of(*e)}, {"cost_class", e->cost_class}, {"instructions", e->instructions},
-            {"equation", e->equation}, {"source", e->source},         {"parameters", nlohmann::json::array()}};
+        nlohmann::json effect{{"name", e->name},
+                              {"title", e->title},
+                              {"stage", name_of(e->stage)},
+                              {"models", models_of(*e)},
+                              {"cost_class", cost_class(*e)},
+                              {"instructions", e->instructions},
+                              {"equation", e->equation},
+                              {"source", e->source},
+                              {"parameters", nlohmann::json::array()}};
         for (const auto& p : e->parameters)
             effect["parameters"].push_back({{"name", p.name},
                                             {"meaning", p.meaning},
@@ -159,7 +164,7 @@ nlohmann::json scene_json(const Report& report) {
             one["effects"].push_back(
                 {{"name", decision.effect->name},
                  {"stage", name_of(decision.effect->stage)},
-                 {"cost_class", decision.effect->cost_class},
+                 {"cost_class", cost_class(*decision.effect)},
                  {"instructions", decision.effect->instructions},
                  {"bound_N", decision.bound.change_N},
                  {"gain", decision.bound.gain},

@@ -144,7 +144,7 @@ void print_effects(const char* file) {
         "|\n|---|---|---|---|---|---|---|\n");
     for (std::size_t d = 0; d < all.choice(0).decisions.size(); ++d) {
         const Decision& decision = all.choice(0).decisions[d];
-        fmt::print("| {} | {} | {:.4g} | {:.4g} | {} | {:.1f} | {} |\n", decision.effect->name, decision.effect->cost_class,
+        fmt::print("| {} | {} | {:.4g} | {:.4g} | {} | {:.1f} | {} |\n", decision.effect->name, cost_class(*decision.effect),
                    decision.bound.change_N * 1e3, all.shares_N(0)[d] * 1e3, decision.effect->instructions,
                    cost_ns(scene, std::string(decision.effect->name)) - none,
                    automatic.choice(0).decisions[d].on ? "on" : automatic.choice(0).decisions[d].why);

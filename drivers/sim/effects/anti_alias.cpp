@@ -129,7 +129,6 @@ const EffectEntry entry{
     .equation = "H = 1 / (1 + s / w_c)^2",
     .source = "derived: second order, critically damped; sampled by what follows it, so a line above half the rate folds",
     .stage = Stage::converter,
-    .cost_class = "c1",
     .instructions = 150,
     .models = kAll,
     .parameters = {{"corner_Hz", "of each of two poles; by default a quarter of the rate", kByModel, 1e-3, 1e7}},

@@ -70,7 +70,6 @@ const EffectEntry entry{
     .equation = "F = F + k sum over neighbours of (F_n - F)",
     .source = "derived: point spread of a common skin",
     .stage = Stage::contact,
-    .cost_class = "c2",
     .instructions = 1000,
     .models = kAll,
     .parameters = {{"share", "that each of up to four neighbours gets", 0.05, 0, 0.25}},

@@ -69,7 +69,6 @@ const EffectEntry entry{
     .equation = "value = value +- 2^bit step",
     .source = "derived; for links without a checksum",
     .stage = Stage::link,
-    .cost_class = "c0",
     .instructions = 1,
     .models = kAll,
     .parameters = {{"probability", "of a bit", 1e-12, 0, 0.01}, {"bits", "of a value, with its sign", 16, 1, 32}},

@@ -41,7 +41,6 @@ const EffectEntry entry{
     .equation = "r = r + G m (g + a)",
     .source = "derived; Cao et al.'s cap of 1 mm weighs 10 Pa, above its threshold of 7.2 Pa",
     .stage = Stage::transducer,
-    .cost_class = "c1",
     .instructions = 100,
     .models = kAll,
     .parameters = {{"mass_kg", "by default density times volume", kByModel, 0, 1},

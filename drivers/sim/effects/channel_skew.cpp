@@ -67,7 +67,6 @@ const EffectEntry entry{
     .equation = "r_k(t) = r_k(t - (n - 1 - k) tau)",
     .source = "derived; AD7746: five electrodes at 10 Hz, up to 0.4 s",
     .stage = Stage::converter,
-    .cost_class = "c1",
     .instructions = 200,
     .models = kAll,
     .parameters = {{"step_s", "from channel to channel; by default by the sensor's model", kByModel, 0, 1}},

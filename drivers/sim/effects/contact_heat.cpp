@@ -36,7 +36,6 @@ const EffectEntry entry{
     .equation = "r = r + alpha_k T, T' = (share N / (N + N0) (body - ambient) - T) / tau, tau = L^2 / (pi^2 a)",
     .source = "Fourier's slowest mode, derived: 0.92 s for 1 mm, 8.3 s for 3 mm",
     .stage = Stage::transducer,
-    .cost_class = "c1",
     .instructions = 100,
     .models = kAll,
     .parameters = {{"share", "of the body's temperature that reaches the surface in full contact", 0.5, 0, 1},

@@ -64,7 +64,6 @@ const EffectEntry entry{
     .equation = "r = mean over the patch of the strain by a force at a point, times the force",
     .source = "own finite elements, 961 points of the plate",
     .stage = Stage::transducer,
-    .cost_class = "c3",
     .instructions = 8000,
     .models = kTable,
     .bound = bound,

@@ -83,7 +83,6 @@ const EffectEntry entry{
     .equation = "r(t) = mean of r over t - T_c .. t",
     .source = "boxcar, sinc(f T_c); AD7746 at 10 Hz",
     .stage = Stage::converter,
-    .cost_class = "c1",
     .instructions = 230,
     .models = kAll,
     .parameters = {{"window_s", "by default 0.1 s of capacitances, else 0", kByModel, 0, 2}},

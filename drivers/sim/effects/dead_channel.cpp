@@ -65,7 +65,6 @@ const EffectEntry entry{
     .equation = "P(dead after t) = 1 - exp(-rate t)",
     .source = "derived",
     .stage = Stage::link,
-    .cost_class = "c0",
     .instructions = 3,
     .models = kAll,
     .parameters = {{"rate_1_h", "deaths of a channel an hour", 1e-5, 0, 1e6},

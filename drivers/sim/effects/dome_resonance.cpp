@@ -103,7 +103,6 @@ const EffectEntry entry{
     .equation = "x'' = w^2 (u(t - delay) - x) - 2 z w x'",
     .source = "derived: 1.1 kHz and 0.54 ms for 3 mm of Ecoflex; damping by tan delta = 2 z",
     .stage = Stage::material,
-    .cost_class = "c1",
     .instructions = 290,
     .models = kHair | kCapacitive,
     .parameters = {{"resonance_Hz", "by default by the sensor's model", kByModel, 1, 1e6},

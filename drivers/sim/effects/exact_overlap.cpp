@@ -80,7 +80,6 @@ const EffectEntry entry{
     .equation = "A = 1/2 integral over the sector of clip(rho)^2 - inner^2, rho = d cos t + (R^2 - d^2 sin^2 t)^(1/2)",
     .source = "derived",
     .stage = Stage::transducer,
-    .cost_class = "c2",
     .instructions = 6400,
     .models = kCapacitive,
     .bound = bound,

@@ -62,7 +62,6 @@ const EffectEntry entry{
     .equation = "r = r + sum over decades of x_i, x_i = a_i x_i + sigma (1 - a_i^2)^(1/2) u",
     .source = "Hooge 1969; first-order processes a decade apart",
     .stage = Stage::converter,
-    .cost_class = "c2",
     .instructions = 1200,
     .models = kAll,
     .parameters = {{"deviation_N", "one standard deviation of each decade; by default by the sensor's model", kByModel, 0,

@@ -41,7 +41,6 @@ const EffectEntry entry{
     .equation = "r = zero + (1 + e_k) (r - zero) + o_k",
     .source = "thesis: 1.85 % and 5.3 % between samples",
     .stage = Stage::transducer,
-    .cost_class = "c0",
     .instructions = 90,
     .models = kAll,
     .parameters = {{"deviation", "of the gains, relative; by default by the sensor's model", kByModel, 0, 0.2},

@@ -25,7 +25,6 @@ const EffectEntry entry{
     .equation = "r = r + b_k H, H' = (change - H) / tau",
     .source = "polyimide: hygroscopic expansion of 9 ppm per percent",
     .stage = Stage::transducer,
-    .cost_class = "c1",
     .instructions = 90,
     .models = kTable | kCapacitive,
     .parameters = {{"change_percent", "of the relative humidity, at the scene's beginning", 2, -100, 100},

@@ -81,7 +81,6 @@ const EffectEntry entry{
     .equation = "y = u + w sum (P_i[u] - P_i[u from rest]), |P_i - u| <= r_i",
     .source = "Prandtl, Ishlinskii; table 4.84 %: Lee, thesis",
     .stage = Stage::material,
-    .cost_class = "c2",
     .instructions = 1100,
     .models = kAll,
     .parameters = {{"width", "of full scale, the loop from 0 to full scale; by default by the sensor's model", kByModel, 0,

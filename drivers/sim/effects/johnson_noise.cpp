@@ -28,7 +28,6 @@ const EffectEntry entry{
     .equation = "sigma_V^2 = 4 k T R B, sigma_r = 4 sigma_V / V",
     .source = "Johnson 1928, Nyquist 1928; 0.13 uV of 1 kOhm over 1 kHz",
     .stage = Stage::converter,
-    .cost_class = "c1",
     .instructions = 390,
     .models = kTable | kHair,
     .parameters = {{"resistance_ohm", "of a gauge", 1000, 0, 1e9}, {"excitation_V", "of the bridge", 3.3, 1e-3, 100}},

@@ -54,7 +54,6 @@ const EffectEntry entry{
     .equation = "hair: sigma = F/A (1 + 4 x x0 / R^2); pad: strain + x x0 F / (gap tilt stiffness)",
     .source = "derived; a bonded disc's tilt stiffness from the lubrication theory of its press stiffness",
     .stage = Stage::transducer,
-    .cost_class = "c1",
     .instructions = 120,
     .models = kHair | kCapacitive,
     .bound = bound,

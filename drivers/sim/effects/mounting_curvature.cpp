@@ -30,7 +30,6 @@ const EffectEntry entry{
     .equation = "strain = thickness / (2 radius) cos^2",
     .source = "derived: 1.56 % at 8 mm, 26 times the strain of 1 N",
     .stage = Stage::transducer,
-    .cost_class = "c0",
     .instructions = 60,
     .models = kTable,
     .parameters = {{"curvature_1_m", "of the surface; 0 where the zero was taken after mounting", 0, -1000, 1000},

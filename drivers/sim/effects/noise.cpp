@@ -32,7 +32,6 @@ const EffectEntry entry{
     .equation = "r = r + sigma n",
     .source = "Cao et al. 2023: 5.14e-6; recorded load cells: 0.025 to 0.043 % of full scale",
     .stage = Stage::converter,
-    .cost_class = "c1",
     .instructions = 380,
     .models = kAll,
     .parameters = {{"deviation_N", "one standard deviation; by default by the sensor's model", kByModel, 0, 100}},

@@ -40,7 +40,6 @@ const EffectEntry entry{
     .equation = "v' = 2 pi f_c (u - v), clipped at the saturation limits",
     .source = "charge amplifier: 1 / (1 + s R_s C_p)",
     .stage = Stage::converter,
-    .cost_class = "c0",
     .instructions = 30,
     .models = kCapacitive,
     .parameters = {{"corner_Hz", "of the low pass", 1000, 1e-3, 1e7}, {"rail_V", "on both sides of the zero", 5, 1e-3, 100}},

@@ -55,7 +55,6 @@ const EffectEntry entry{
     .equation = "i = p A dT/dt, v' = i / C - v / tau",
     .source = "PVDF: 27 uC/(m^2 K) against 25 pC/N, so 0.1 K on 1 cm^2 reads 10.8 N",
     .stage = Stage::transducer,
-    .cost_class = "c1",
     .instructions = 40,
     .models = kCapacitive,
     .parameters = {{"N_per_K", "what 1 K looks like; by default PVDF of the disc's area", kByModel, 0, 1e5},

@@ -55,7 +55,6 @@ const EffectEntry entry{
     .equation = "T' = k v up to mu_s N, then falls to (2 mu_k - mu_s) N; mu_s - mu_k -> (mu_s - mu_k) exp(-(v / v_s)^2)",
     .source = "slider on a spring; Stribeck's curve as in Canudas de Wit et al. 1995",
     .stage = Stage::contact,
-    .cost_class = "c1",
     .instructions = 140,
     .models = kAll,
     .parameters = {{"stribeck_m_s", "speed at which static friction has gone to a third", 0.1, 1e-6, 100},

@@ -31,7 +31,6 @@ const EffectEntry entry{
     .equation = "C = C + sigma n(t), n below a frequency",
     .source = "derived: at least 0.37 pF of the thesis' capacitance is stray",
     .stage = Stage::transducer,
-    .cost_class = "c1",
     .instructions = 190,
     .models = kCapacitive,
     .parameters = {{"deviation_pF", "one standard deviation", 1e-3, 0, 10}, {"frequency_Hz", "highest", 2, 1e-3, 1e5}},

@@ -56,7 +56,6 @@ const EffectEntry entry{
     .equation = "N = N + min(k h/2 |sinc(2 a / pitch)|, N) sin(2 pi slide / pitch), T likewise with mu_k",
     .source = "derived: f = v / pitch, a contact 2 a wide averages",
     .stage = Stage::contact,
-    .cost_class = "c1",
     .instructions = 170,
     .models = kAll,
     .parameters = {{"contact_m", "half width of the contact of a ridge", 2e-4, 0, 1},

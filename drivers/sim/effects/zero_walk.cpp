@@ -77,7 +77,6 @@ const EffectEntry entry{
     .equation = "r = r + B(t), B a Brownian path",
     .source = "Levy's construction",
     .stage = Stage::transducer,
-    .cost_class = "c1",
     .instructions = 290,
     .models = kAll,
     .parameters = {{"after_1_s_N", "standard deviation after one second; by default 1e-5 of full scale", kByModel, 0, 100}},
