@@ -189,14 +189,17 @@ struct Level {
     std::function<std::unique_ptr<Effect>(const Setting&)> make;  // setup
 };
 
+inline constexpr unsigned kTable = 1u << int(Model::table), kHair = 1u << int(Model::hair),
+                          kCapacitive = 1u << int(Model::capacitive), kAll = kTable | kHair | kCapacitive;
+
 struct EffectEntry {
     std::string_view name;   // name in `--effects creep,noise`
     std::string_view title;  // for a report
     std::string_view equation;
     std::string_view source;
     Stage stage;
-    double instructions;  // measured, per sample of a sensor with all its channels
-    unsigned models;      // bits 1 << int(Model) of the sensors that it concerns
+    double instructions;     // measured, per sample of a sensor with all its channels
+    unsigned models = kAll;  // the sensors that it concerns
     std::vector<Parameter> parameters = {};
     Bound (*bound)(const Setting&);                          // setup
     std::unique_ptr<Effect> (*make)(const Setting&);         // setup
@@ -215,9 +218,6 @@ struct EffectEntry {
 double cost_ns(const EffectEntry& effect, std::string_view level, Model model);
 // Returns the class of its instructions, ten per ns: c0 below 5 ns, c1 below 50 ns, c2 below 1 us, else c3.
 std::string_view cost_class(const EffectEntry& effect);
-
-inline constexpr unsigned kTable = 1u << int(Model::table), kHair = 1u << int(Model::hair),
-                          kCapacitive = 1u << int(Model::capacitive), kAll = kTable | kHair | kCapacitive;
 
 // All effects in their order of computation: chain.cpp.
 std::span<const EffectEntry* const> chain();

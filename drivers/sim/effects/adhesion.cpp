@@ -40,7 +40,6 @@ const EffectEntry entry{.name = "adhesion",
                         .source = "Johnson, Kendall, Roberts 1971",
                         .stage = Stage::contact,
                         .instructions = 8,
-                        .models = kAll,
                         .parameters = {{"separation_s", "from the end of the press until it comes off", 0.01, 1e-6, 10}},
                         .bound = bound,
                         .make = make};

@@ -130,7 +130,6 @@ const EffectEntry entry{
     .source = "derived: second order, critically damped; sampled by what follows it, so a line above half the rate folds",
     .stage = Stage::converter,
     .instructions = 150,
-    .models = kAll,
     .parameters = {{"corner_Hz", "of each of two poles; by default a quarter of the rate", kByModel, 1e-3, 1e7}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<AntiAlias>(s); },

@@ -71,7 +71,6 @@ const EffectEntry entry{
     .source = "derived: point spread of a common skin",
     .stage = Stage::contact,
     .instructions = 1000,
-    .models = kAll,
     .parameters = {{"share", "that each of up to four neighbours gets", 0.05, 0, 0.25}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ArraySpread>(s); }};

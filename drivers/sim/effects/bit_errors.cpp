@@ -70,7 +70,6 @@ const EffectEntry entry{
     .source = "derived; for links without a checksum",
     .stage = Stage::link,
     .instructions = 1,
-    .models = kAll,
     .parameters = {{"probability", "of a bit", 1e-12, 0, 0.01}, {"bits", "of a value, with its sign", 16, 1, 32}},
     .bound = bound,
     .make = make};

@@ -42,7 +42,6 @@ const EffectEntry entry{
     .source = "derived; Cao et al.'s cap of 1 mm weighs 10 Pa, above its threshold of 7.2 Pa",
     .stage = Stage::transducer,
     .instructions = 100,
-    .models = kAll,
     .parameters = {{"mass_kg", "by default density times volume", kByModel, 0, 1},
                    {"gravity_m_s2", "against the attitude in which the zero was taken", 9.80665, -20, 20},
                    {"tilt_rad", "of the weight, from -z towards +x", 0, -6.3, 6.3}},

@@ -68,7 +68,6 @@ const EffectEntry entry{
     .source = "derived; AD7746: five electrodes at 10 Hz, up to 0.4 s",
     .stage = Stage::converter,
     .instructions = 200,
-    .models = kAll,
     .parameters = {{"step_s", "from channel to channel; by default by the sensor's model", kByModel, 0, 1}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ChannelSkew>(s); },

@@ -37,7 +37,6 @@ const EffectEntry entry{
     .source = "Fourier's slowest mode, derived: 0.92 s for 1 mm, 8.3 s for 3 mm",
     .stage = Stage::transducer,
     .instructions = 100,
-    .models = kAll,
     .parameters = {{"share", "of the body's temperature that reaches the surface in full contact", 0.5, 0, 1},
                    {"per_K", "of R0 or C0; by default by the sensor's model", kByModel, -0.1, 0.1},
                    {"mismatch", "standard deviation between channels, relative", 0.01, 0, 1}},

@@ -84,7 +84,6 @@ const EffectEntry entry{
     .source = "boxcar, sinc(f T_c); AD7746 at 10 Hz",
     .stage = Stage::converter,
     .instructions = 230,
-    .models = kAll,
     .parameters = {{"window_s", "by default 0.1 s of capacitances, else 0", kByModel, 0, 2}},
     .bound = bound,
     .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<ConverterWindow>(s); },

@@ -25,7 +25,6 @@ const EffectEntry entry{.name = "cut_frames",
                         .source = "derived: a line that fails within a frame",
                         .stage = Stage::link,
                         .instructions = 12,
-                        .models = kAll,
                         .parameters = {{"share", "of the frames that are cut", 0, 0, 1}},
                         .bound = bound,
                         .make = make};

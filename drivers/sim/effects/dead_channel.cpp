@@ -66,7 +66,6 @@ const EffectEntry entry{
     .source = "derived",
     .stage = Stage::link,
     .instructions = 3,
-    .models = kAll,
     .parameters = {{"rate_1_h", "deaths of a channel an hour", 1e-5, 0, 1e6},
                    {"way", "0 it sticks, 1 it goes to its saturation limit, 2 it is missing", 0, 0, 2}},
     .bound = bound,

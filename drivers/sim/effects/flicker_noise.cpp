@@ -63,7 +63,6 @@ const EffectEntry entry{
     .source = "Hooge 1969; first-order processes a decade apart",
     .stage = Stage::converter,
     .instructions = 1200,
-    .models = kAll,
     .parameters = {{"deviation_N", "one standard deviation of each decade; by default by the sensor's model", kByModel, 0,
                     100}},
     .bound = bound,

@@ -45,7 +45,6 @@ const EffectEntry entry{.name = "friction_limit",
                         .source = "Coulomb",
                         .stage = Stage::contact,
                         .instructions = 30,
-                        .models = kAll,
                         .bound = bound,
                         .make = make,
                         .instant = true};

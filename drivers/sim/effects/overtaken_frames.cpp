@@ -33,7 +33,6 @@ const EffectEntry entry{.name = "overtaken_frames",
                         .source = "derived: two paths of one link",
                         .stage = Stage::link,
                         .instructions = 12,
-                        .models = kAll,
                         .parameters = {{"share", "of the frames that the next one overtakes", 0, 0, 1}},
                         .bound = bound,
                         .make = make};

@@ -53,7 +53,6 @@ const EffectEntry entry{.name = "partial_slip",
                         .source = "Cattaneo 1938, Mindlin 1949; Johnson, Contact Mechanics, 7.2",
                         .stage = Stage::contact,
                         .instructions = 80,
-                        .models = kAll,
                         .bound = bound,
                         .make = make,
                         .instant = true};

@@ -23,7 +23,6 @@ const EffectEntry entry{.name = "repeated_frames",
                         .source = "derived: a lost acknowledgement",
                         .stage = Stage::link,
                         .instructions = 12,
-                        .models = kAll,
                         .parameters = {{"share", "of the frames that come twice", 0, 0, 1}},
                         .bound = bound,
                         .make = make};

@@ -24,7 +24,6 @@ const EffectEntry entry{.name = "sampling_jitter",
                         .source = "derived: error = rate of change * sigma",
                         .stage = Stage::time,
                         .instructions = 60,
-                        .models = kAll,
                         .parameters = {{"deviation_s", "one standard deviation", 1e-6, 0, 1e-2}},
                         .bound = bound,
                         .make = make};

@@ -56,7 +56,6 @@ const EffectEntry entry{
     .source = "slider on a spring; Stribeck's curve as in Canudas de Wit et al. 1995",
     .stage = Stage::contact,
     .instructions = 140,
-    .models = kAll,
     .parameters = {{"stribeck_m_s", "speed at which static friction has gone to a third", 0.1, 1e-6, 100},
                    {"stiffness", "against shear, in that of the skin alone", 0.5, 1e-6, 1e3}},
     .bound = bound,

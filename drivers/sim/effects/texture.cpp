@@ -57,7 +57,6 @@ const EffectEntry entry{
     .source = "derived: f = v / pitch, a contact 2 a wide averages",
     .stage = Stage::contact,
     .instructions = 170,
-    .models = kAll,
     .parameters = {{"contact_m", "half width of the contact of a ridge", 2e-4, 0, 1},
                    {"stiffness", "against a press, in that of the skin alone", 0.5, 0, 1e3}},
     .bound = bound,
