@@ -1,4 +1,4 @@
-// The address of the Modbus server and its allowed clients, as text in a configuration.
+// The address on which a server listens, and the networks of its clients, as text.
 #pragma once
 #include <sys/socket.h>
 

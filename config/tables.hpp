@@ -23,14 +23,14 @@ const Fields<RtuSettings>& rtu_fields();
 const Fields<ShmSettings>& shm_fields();
 const Fields<GpioSettings>& gpio_fields();
 
-// Returns the names of links or sensors, and `name` with what is wrong with it if it is not among them: `link = "x" is no
-// [[link]]; did you mean "y"?`. setup
+// Returns the names of links or sensors. setup
 template <typename Settings>
 std::vector<std::string> names_of(const std::vector<Settings>& all) {
     std::vector<std::string> names;
     for (const auto& one : all) names.push_back(one.name);
     return names;
 }
+// Returns the fault of a name that is not among `names`: `link = "x" is no [[link]]; did you mean "y"?`. setup
 std::string is_no(const char* key, const std::string& name, const char* table, const std::vector<std::string>& names);
 
 // Reads one [[sensor]]. setup: never throws for bad input

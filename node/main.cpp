@@ -124,10 +124,10 @@ int run(Node& node, const sigset_t& signals) {
     const std::string folder = runtime_folder();
     set_runtime_folder(folder);  // the Modbus server and others read the segment by name
     node.plan.control = control_in(folder, node.plan.name, node.plan.control);
+    SegmentWriter segment(node.plan);
     ZeroStore zeros(zero_files(node.config.node.zeros, node.plan.name), node.zeros);
     zeros.restore(node.sensors);
     Reloader reloader(node, method_costs_folder(), &zeros);
-    SegmentWriter segment(node.plan);
     Pipeline pipeline(node.links, node.sensors, segment, node.simulated ? std::uint32_t(TACTILED_SIMULATED) : 0u, node.grasp,
                       node.tool);
     pipeline.commands.keep_zeros_in(zeros);

@@ -76,11 +76,10 @@ ZeroStore::ZeroStore(ZeroFiles files, std::vector<ZeroOwner> owners)
     for (std::size_t i = 0; i < owners_.size(); ++i) sensor_of_owner_.push_back(i);
     std::error_code ignored;
     if (!path_.empty()) std::filesystem::create_directories(std::filesystem::path(path_).parent_path(), ignored);
-    if (!path_.empty() && lock_.take(kPatienceMs) == LockFile::State::busy) {
-        lose_all(fmt::format("{}: another daemon keeps its zeros there; give [node] zeros a path of its own", path_));
-        path_.clear();
-    } else
-        load(files.read);
+    if (!path_.empty() && lock_.take(kPatienceMs) == LockFile::State::busy)
+        throw SetupError(
+            fmt::format("{}: another daemon keeps its zeros there; give [node] zeros a path of its own", path_));
+    load(files.read);
     write();
     thread_.start("zeros", 0, -1, [this] { serve(); });
 }
@@ -124,11 +123,8 @@ void ZeroStore::load(const std::string& path) {
         }
         file.finish();
     }
-    if (!problems.empty()) lose_all(problems.lines().front());
-}
-
-void ZeroStore::lose_all(const std::string& why) {
-    log_line(LogLevel::warning, "{}; no zero is known: tare every sensor, or remove its tare", why);
+    if (problems.empty()) return;
+    log_line(LogLevel::warning, "{}; no zero is known: tare every sensor, or remove its tare", problems.lines().front());
     kept_.clear();
     for (const ZeroOwner& owner : owners_) kept_.push_back({owner.sensor, owner.serial, now_text(), 0, 1, {}});
 }

@@ -42,9 +42,9 @@ ZeroFiles zero_files_in(const std::vector<std::string>& folders, const std::stri
 
 class ZeroStore {
 public:
-    // Reads `files.read`, and writes `files.written` to check that it can be written. If another daemon has the file, no
-    // zero is known, and no tare is kept. `owners` are in the order of the sensors. Errors are reported in the log. setup:
-    // throws SetupError where no thread can be made
+    // Reads `files.read`, and writes `files.written` to check that it can be written. `owners` are in the order of the
+    // sensors. Errors are reported in the log. setup: throws SetupError where another daemon has the file, or where no
+    // thread can be made
     ZeroStore(ZeroFiles files, std::vector<ZeroOwner> owners);
     ~ZeroStore();
     ZeroStore(const ZeroStore&) = delete;
@@ -82,7 +82,6 @@ private:
     };
     void add(std::uint32_t sensor, const Sensor& of, const TaredZero& zero) noexcept;
     void load(const std::string& path);
-    void lose_all(const std::string& why);
     void serve() noexcept;
     void take(const Order& order);
     void write() noexcept;

@@ -218,8 +218,9 @@ void Writer::close() {
     put(footer, offsets_at);
     put(footer, crc32(summary + offsets + footer));
     write(footer + std::string(kMagic));
-    const int status = ::fsync(fd_) | ::close(fd_.release());
-    if (status != 0) throw std::runtime_error(fmt::format("{}: {}", path_, std::strerror(errno)));
+    const bool is_stored = ::fsync(fd_) == 0;
+    if (::close(fd_.release()) != 0 || !is_stored)
+        throw std::runtime_error(fmt::format("{}: {}", path_, std::strerror(errno)));
 }
 
 void Writer::write(std::string_view bytes) {

@@ -67,7 +67,9 @@ public:
     // True if a proof is due, too. `is_busy`: it can wait while the bound allows. rt: wait-free
     [[nodiscard]] bool asks_for_reopening(std::uint64_t host_ns, bool is_busy) const noexcept {
         if (trouble_ns_ != 0) return double(std::int64_t(host_ns - trouble_ns_)) > stale_ns_ / 4;
-        return proof_ != Proof::arrival && error_ns() > due_ns() + (is_busy ? stale_ns_ / 8 : 0);
+        // A path that has kept frames and has caught up is asked at once, before the limit has sunk below an honest x.
+        const double due = keeps_ && !is_held() ? 0 : due_ns();
+        return proof_ != Proof::arrival && error_ns() > due + (is_busy ? stale_ns_ / 8 : 0);
     }
     // Time for which the link should stay closed, so that the missing frames are a gap of four. rt: wait-free
     [[nodiscard]] std::uint64_t closed_ns() const noexcept {
@@ -116,10 +118,7 @@ private:
     [[nodiscard]] StreamAge fresh() const noexcept { return StreamAge(std::uint64_t(stale_ns_)); }
     // If the clock is faster than stated, x falls below the lower limit, and the rate may be wrong by as much again.
     [[nodiscard]] double error_ns() const noexcept { return std::abs(up_ - low_) + doubt_ns_; }
-    // A path that has kept frames and has caught up is asked at once, before the limit has sunk below an honest x.
-    [[nodiscard]] double due_ns() const noexcept {
-        return keeps_ && !is_held() ? 0 : std::clamp(2 * period_ns_, stale_ns_ / 2, stale_ns_ * 3 / 4);
-    }
+    [[nodiscard]] double due_ns() const noexcept { return std::clamp(2 * period_ns_, stale_ns_ / 2, stale_ns_ * 3 / 4); }
     [[nodiscard]] bool has_clock(const Frame& frame) const noexcept {
         return route_.device_clock && frame.device_time_us != 0;
     }

@@ -4,6 +4,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cerrno>
+
 #include "tactiled/reader.hpp"
 
 namespace tactiled {
@@ -28,7 +30,9 @@ LockFile::State LockFile::take(int patience_ms) {
         struct stat status {};
         if (fd < 0 || ::fstat(fd, &status) != 0 || status.st_uid != ::geteuid() || !S_ISREG(status.st_mode))
             return State::foreign;
-        if (lock(fd) && is_still_named(fd, path_)) {
+        const bool is_locked = lock(fd);
+        if (!is_locked && errno != EAGAIN && errno != EACCES) return State::foreign;  // a file system without locks
+        if (is_locked && is_still_named(fd, path_)) {
             fd_ = std::move(fd);
             return State::held;
         }

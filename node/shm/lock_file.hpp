@@ -17,7 +17,8 @@ public:
     enum class State {
         held,
         busy,    // another process holds the lock
-        foreign  // the file belongs to another user or cannot be created: no lock is held, and other holders are unknown
+        foreign  // the file belongs to another user or cannot be created or locked: no lock is held, and other holders are
+                 // unknown
     };
     explicit LockFile(std::string path) : path_(std::move(path)) {}
     ~LockFile();

@@ -98,11 +98,7 @@ TEST_F(ZeroStoreTest, TwoDaemonsDoNotShareAFile) {
     {
         ZeroStore first({path_, path_}, {owner()});
         EXPECT_TRUE(first.is_usable());
-        ZeroStore second({path_, path_}, {owner()});
-        auto others = sensors();
-        second.restore(others);
-        expect_lost(send(others[0], -20));
-        EXPECT_FALSE(second.is_usable()) << "its tares are refused";
+        EXPECT_THROW(ZeroStore({path_, path_}, {owner()}), SetupError);
     }
     EXPECT_EQ(text(), before);
     EXPECT_EQ(after(owner()).quality, unsigned(TACTILED_GOOD)) << "the lock ends with its holder";
