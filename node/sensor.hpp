@@ -197,7 +197,7 @@ private:
     std::size_t method_ = 0;  // method "auto": method of zero_S() and low_pass_; else 0
     LowPass low_pass_;
     Latency latency_;
-    Wrench delay_s_{};                            // of the chain, per component
+    Wrench delay_s_{};                            // each component's chain
     std::array<double, kMaxChannels> channel_{};  // channels of the last frame, in the unit of the calibration
     double others_temperature_C_ = kNaN;
     float peak_N_ = 0;

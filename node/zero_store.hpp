@@ -89,7 +89,7 @@ private:
     [[nodiscard]] Kept* find(const std::string& sensor);
 
     std::string path_;
-    LockFile lock_;                  // of the path: two daemons with one file would restore each other's zeros
+    LockFile lock_;                  // two daemons with one file would restore each other's zeros
     std::mutex mutex_;               // guards owners_, between the thread and replace_owner()
     std::vector<ZeroOwner> owners_;  // including those of earlier configurations until their orders are written
     std::vector<std::size_t> sensor_of_owner_;

@@ -127,7 +127,7 @@ struct FitOption {
 // The channels that a fit knows by their names.
 struct KnownChannels {
     bool (*includes)(std::string_view name) = nullptr;  // nullptr: any channel
-    std::string_view description = {};                  // of one, for messages
+    std::string_view description = {};                  // describes one, for messages
     const char* unit = "unknown";                       // the usual one
 };
 
