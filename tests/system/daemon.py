@@ -82,13 +82,14 @@ class Daemon:
         wait_for(link.is_symlink, 5, f"{link} to appear")
         return process
 
-    def start(self, *before):
-        """before: the words of a command that runs the daemon, such as prlimit."""
+    def start(self, *command):
+        """command: the words of one that runs the daemon, such as prlimit."""
         with open(self.folder / "tactiled.log", "a") as log:
-            self.process = subprocess.Popen([*before, BIN / "tactiled", "--config", self.config], stderr=log, env=self.env)
+            before = len(self.log())  # of earlier starts
+            self.process = subprocess.Popen([*command, BIN / "tactiled", "--config", self.config], stderr=log, env=self.env)
         segment = self.segment
         wait_for(lambda: segment.exists() or self.process.poll() is not None, 10, "the segment")
-        wait_for(lambda: "Modbus" in self.log() or self.process.poll() is not None, 10, "the start")
+        wait_for(lambda: "Modbus" in self.log()[before:] or self.process.poll() is not None, 10, "the start")
         assert self.process.poll() is None, self.log()
         return self
 

@@ -214,7 +214,7 @@ class Teach(unittest.TestCase):
         self.assertEqual(self.hold(0.2).object, "bolt")
         self.let_go()
         self.daemon.stop()
-        (self.daemon.folder / "tactiled.log").unlink()  # start() waits for its log line
+        (self.daemon.folder / "tactiled.log").unlink()  # the lines of the next start alone
         self.daemon.start()
         self.assertIn("recognised only once a known weight is shown again", self.daemon.log())
         self.node = tactiled.open(self.daemon.name)
