@@ -85,7 +85,7 @@ class Daemon:
     def start(self, *command):
         """command: the words of one that runs the daemon, such as prlimit."""
         with open(self.folder / "tactiled.log", "a") as log:
-            before = len(self.log())  # of earlier starts
+            before = len(self.log())  # earlier starts wrote this much
             self.process = subprocess.Popen([*command, BIN / "tactiled", "--config", self.config], stderr=log, env=self.env)
         segment = self.segment
         wait_for(lambda: segment.exists() or self.process.poll() is not None, 10, "the segment")
