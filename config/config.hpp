@@ -95,17 +95,16 @@ struct SensorTuning {
     std::array<double, 2> saturates_at = {-kUnlimited, kUnlimited};
     int temperature_frozen_after = -1;  // number of readings; 0 = never, -1: by the driver
     double temperature_jump_K = 1;
-    int frozen_after = -1;                       // number of readings; 0 = never, -1: by the calibration or the driver
-    double delay_ms = -1;                        // -1: by the driver
-    double slew_limit_per_s = kUnlimited;        // raw numbers per second
-    double rate_Hz = 0;                          // 0 = not declared
-    double rate_tolerance = 0.2;                 // relative to rate_Hz
-    double drift_limit_N = 0;                    // 0 = none
-    int tare_ms = 100;                           // length of a tare's mean
-    double tare_limit_N = -1;                    // magnitude; 0 = none, -1 = 20 % of full scale for each component
-    std::string tare_after_restart = "restore";  // or "forget"
-    bool accept_unproved_age = false;            // allows tares and weights although the stream would not reveal a delay
-    double filter_hz = 0;                        // low pass on force and torque, 0 = off
+    int frozen_after = -1;             // number of readings; 0 = never, -1: by the calibration or the driver
+    double delay_ms = -1;              // -1: by the driver
+    double rate_Hz = 0;                // 0 = not declared
+    double rate_tolerance = 0.2;       // relative to rate_Hz
+    double drift_limit_N = 0;          // 0 = none
+    int tare_ms = 100;                 // length of a tare's mean
+    double tare_limit_N = -1;          // magnitude; 0 = none, -1 = 20 % of full scale for each component
+    std::string zero_after = "doubt";  // or "keep", "forget"
+    bool accept_unproved_age = false;  // allows tares and weights although the stream would not reveal a delay
+    double filter_hz = 0;              // low pass on force and torque, 0 = off
     double contact_on_N = 0.5, contact_off_N = 0.25;
     double overload_N = 0;    // 0 = none
     std::string agrees_with;  // "" = no other sensor, or named by the other one

@@ -17,6 +17,11 @@ namespace {
 constexpr std::ptrdiff_t kMaxDotsALine = 512;
 constexpr std::size_t kMaxUnknownKeys = 20;  // reported for one table
 
+// Keys of earlier versions, and what replaces them.
+constexpr std::pair<std::string_view, std::string_view> kRemoved[] = {
+    {"slew_limit_per_s", "jumps are found without a limit: delete the line"},
+    {"tare_after_restart", "write zero_after = \"doubt\" for \"restore\", or zero_after = \"forget\""}};
+
 // Returns the reason why the text of a file is unfit for the parser, as line and message.
 std::optional<std::pair<std::uint32_t, std::string>> unfit(std::string_view text) {
     std::uint32_t line = 1;
@@ -220,6 +225,12 @@ void Options::Node::finish() const {
         const std::string what = value.is_table()             ? fmt::format("unknown table [{}]", key)
                                  : value.is_array_of_tables() ? fmt::format("unknown table [[{}]]", key)
                                                               : fmt::format("unknown key {}", in_quotes(key));
+        const auto removed =
+            std::find_if(std::begin(kRemoved), std::end(kRemoved), [&](const auto& r) { return r.first == key; });
+        if (removed != std::end(kRemoved)) {
+            problem(at, fmt::format("{} was removed; {}", in_quotes(key), removed->second));
+            continue;
+        }
         const auto near = meant_by(key);
         if (near) {
             // The misspelling is reported, so the errors about the missing key are withdrawn.

@@ -89,8 +89,6 @@ const Fields<SensorSettings>& sensor_fields() {
          range(0, 10'000), "ms",
          "Time from the middle of a measurement to the arrival of its frame: conversion, filters, transmission. While the "
          "force moves, the standard deviation contains what it can change in that time; the timestamp stays."},
-        {TACTILED_KEY(S, slew_limit_per_s), Default(d.slew_limit_per_s, "none"), range(1e-300, 1e300),
-         "raw numbers a second", "A channel that changes faster makes the force UNCERTAIN."},
         {TACTILED_KEY(S, rate_Hz), d.rate_Hz, range(0, 1e6), "Hz",
          "Rate at which the device is set to send; 0 = not declared. Another rate is reported as a warning, and the force "
          "stays GOOD."},
@@ -109,11 +107,12 @@ const Fields<SensorSettings>& sensor_fields() {
         {TACTILED_KEY(S, accept_unproved_age), d.accept_unproved_age,
          "A stream on a network path that has neither a clock nor a counter may be tared and weighed with, although nothing "
          "shows when it was delayed."},
-        {TACTILED_KEY(S, tare_after_restart), d.tare_after_restart.c_str(), Choices{"restore", "forget"},
-         "\"restore\": a restart continues with the zero of the last tare, if calibration and serial are the same. "
-         "\"forget\": "
-         "a sensor that was tared is UNCERTAIN after a restart (zero unknown) until it is tared again or its tare is "
-         "removed."},
+        {TACTILED_KEY(S, zero_after), d.zero_after.c_str(), Choices{"keep", "doubt", "forget"},
+         "The zero after the device may have been restarted or exchanged: its counter or clock has not gone on, it was "
+         "silent for 1 s + stale_ms, or the daemon was restarted after a tare. \"doubt\": unless the force is the one "
+         "before, it "
+         "is UNCERTAIN (zero unknown) until a tare or its removal. \"keep\": the device always comes back with its zero. "
+         "\"forget\": as \"doubt\", whatever the force is, for a device that zeroes itself when it starts."},
         {TACTILED_KEY(S, filter_hz), d.filter_hz, range(0, 10'000), "Hz",
          "Low-pass filter on force and torque (-3 dB at this frequency); 0 = off. Raw values are never filtered."},
         {TACTILED_KEY(S, contact_on_N), d.contact_on_N, range(0.01, 300), "N",

@@ -314,7 +314,7 @@ private:
             const bool fits = hardware_timestamps_ && timestamps.hardware_ns != 0 && clocks_agree_;
             const std::uint64_t t_ns =
                 fits ? std::min(fit_.monotonic_ns(timestamps.hardware_ns, software_ns), software_ns) : software_ns;
-            take_frame({frame.can_id, {frame.data, frame.len}, t_ns, timestamps.hardware_ns / 1000});
+            take_frame({frame.can_id, {frame.data, frame.len}, t_ns});
         }
     }
 
@@ -327,7 +327,7 @@ private:
             if (found == IsoTp::Found::bad) ++counts[TACTILED_LINK_BAD_LENGTH];
             if (found == IsoTp::Found::first) answer(about.reply_id, receiver.answer());
             if (found != IsoTp::Found::message) return;
-            return samples_->take({arrival.id, receiver.message(), receiver.t_ns(), arrival.device_time_us});
+            return samples_->take({arrival.id, receiver.message(), receiver.t_ns()});
         }
         samples_->take(arrival);
     }

@@ -19,6 +19,7 @@ struct Frame {
         unproved       // t_ns is the time of arrival; the frame may be older
     } age = Age::proved;
     std::uint8_t sequence_bits = 32;  // width of the device's counter. Set by drivers of streams
+    bool restarted = false;           // the driver has set the device up again since the frame before
     std::uint64_t late_ns = 0;        // age of the frame when it was read from the kernel, where known
     // Not published. Set by drivers of streams, 0 = t_ns.
     std::uint64_t taken_ns = 0;  // when its last byte was read from the kernel; t_ns may be an earlier estimate

@@ -113,9 +113,9 @@ private:
         std::uint64_t period_ns;
         // on the device's own grid, so the period does not drift with the duration of answers
         std::uint64_t due_ns = 0;
-        std::size_t started = 0;  // number of writes of is.start that were confirmed
-        bool was_set_up = false;  // since open()
-        unsigned missed = 0;      // consecutive requests without a good answer
+        std::size_t started = 0;                         // number of writes of is.start that were confirmed
+        bool was_set_up = false, was_restarted = false;  // since open()
+        unsigned missed = 0;                             // consecutive requests without a good answer
         SequenceTracker sequence;
     };
     struct Unit {
@@ -277,8 +277,10 @@ private:
         else if (asked_ == Asked::probe)
             unit.is_doubted = false;
         if (asked_ == Asked::start && ++set_up_->started == set_up_->is.start.size() &&
-            std::exchange(set_up_->was_set_up, true))
+            std::exchange(set_up_->was_set_up, true)) {
             ++counts[TACTILED_LINK_RESTARTED];
+            set_up_->was_restarted = true;
+        }
         if (asked_ != Asked::values) return false;  // the device's values are still due
         device.missed = 0;
         plan(device, 0);
@@ -286,6 +288,7 @@ private:
         frame.t_ns = frame.taken_ns = last_byte_ns_;
         frame.since_ns = deadline_ns_ - timeout_ns_;  // time of the request plus the duration of both messages
         frame.device = device.is.device;
+        frame.restarted = std::exchange(device.was_restarted, false);
         ++counts[TACTILED_LINK_FRAMES];
         return true;
     }

@@ -215,10 +215,11 @@ void ControlSocket::load_objects(Descriptor client) {
 }
 
 void ControlSocket::begin(Descriptor client, Command command) {
-    command.number = ++number_;
+    command.number = number_ + 1;
     command.until_ns = monotonic_ns() + std::uint64_t(kAnswerMs) * 1'000'000u;
     if (asker_ >= 0 || !commands_.send(command))  // one at a time
         return answer(client, TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_NOT_NOW);
+    ++number_;
     asker_ = std::move(client);
     give_up_ns_ = command.until_ns;
 }

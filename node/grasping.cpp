@@ -39,6 +39,7 @@ Grasping::Grasping(const std::optional<Setup>& setup, const std::optional<tool::
 }
 
 void Grasping::observe(std::uint32_t sensor, const tactiled_sample& s, const Wrench& zero_S) noexcept {
+    if ((s.reasons & TACTILED_STEPPED) != 0) return;  // not confirmed: no event of the grasp
     if (const int index = tool_of_sensor_[sensor]; index >= 0) observe_tool(std::size_t(index), s, zero_S);
     const int jaw = jaw_of_sensor_[sensor];
     if (jaw < 0) return;

@@ -43,6 +43,16 @@ public:
         empty_ = false;
     }
 
+    // Replaces a value that is not confirmed by the last filtered one, if there is one, whose sd gets the difference. rt:
+    // wait-free
+    void hold(std::array<double, 6>& value, std::array<double, 6>& sd) const noexcept {
+        if (!is_on() || empty_) return;
+        for (std::size_t i = 0; i < value.size(); ++i) {
+            sd[i] = std::hypot(sd[i], value[i] - second_[i]);
+            value[i] = second_[i];
+        }
+    }
+
 private:
     // Each stage has -1.5 dB at the cutoff. The corner of a stage is therefore 1 / sqrt(sqrt(2) - 1) times the cutoff.
     [[nodiscard]] double corner_rad_s() const noexcept {

@@ -124,9 +124,10 @@ int run(Node& node, const sigset_t& signals) {
     const std::string folder = runtime_folder();
     set_runtime_folder(folder);  // the Modbus server and others read the segment by name
     node.plan.control = control_in(folder, node.plan.name, node.plan.control);
+    const auto killed = samples_of_killed(node.plan.name);
     SegmentWriter segment(node.plan);
     ZeroStore zeros(zero_files(node.config.node.zeros, node.plan.name), node.zeros);
-    zeros.restore(node.sensors);
+    zeros.restore(node.sensors, killed);
     Reloader reloader(node, method_costs_folder(), &zeros);
     Pipeline pipeline(node.links, node.sensors, segment, node.simulated ? std::uint32_t(TACTILED_SIMULATED) : 0u, node.grasp,
                       node.tool);
@@ -156,7 +157,8 @@ int run(Node& node, const sigset_t& signals) {
         wait_for_end(signals, reloader, pipeline);
         ::sd_notify(0, "STOPPING=1");
     }
-    pipeline.stop(monotonic_ns());  // the threads have ended, so no sample follows
+    zeros.keep_last(node.sensors);  // the threads have ended, so no sample follows
+    pipeline.stop(monotonic_ns());
     log_line(LogLevel::info, "stopped");
     return EX_OK;
 }

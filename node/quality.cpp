@@ -51,9 +51,7 @@ bool StreamQuality::arrive(const Frame& frame) noexcept {
     after_discontinuity_ = broken_ != 0;
     if (after_discontinuity_) rate_frames_ = 0;
     broken_ = 0;
-    step_ns_ = frame.t_ns > last_frame_ns_ ? frame.t_ns - last_frame_ns_ : 0;
     last_frame_ns_ = frame.t_ns;
-    lost_now_ = frame.lost;
     lost_ += frame.lost;
     measure_rate(frame.t_ns);
     return after_discontinuity_;
@@ -73,7 +71,6 @@ std::uint32_t StreamQuality::judge(std::span<const double> raw, std::uint32_t us
     // The comparison is false for an unknown rate, which is NaN.
     if (tuning_->rate_Hz > 0 && std::abs(double(rate_Hz_) - tuning_->rate_Hz) > tuning_->rate_tolerance * tuning_->rate_Hz)
         reasons |= TACTILED_WRONG_RATE;
-    if (std::isfinite(tuning_->slew_limit_per_s) && has_stepped(raw, usable)) reasons |= TACTILED_STEPPED;
     if ((dead = find_frozen(raw, usable)) != 0) reasons |= TACTILED_FROZEN;
     if (tuning_->noisy && is_idle_bus(raw, usable)) {
         reasons |= TACTILED_IDLE_BUS;
@@ -82,7 +79,6 @@ std::uint32_t StreamQuality::judge(std::span<const double> raw, std::uint32_t us
     for (std::size_t k = 0; k < raw.size(); ++k)
         if ((usable >> k & 1u) != 0) raw_[k] = raw[k];
     known_ |= usable;
-    newest_ = usable;
     return reasons;
 }
 
@@ -121,19 +117,6 @@ bool StreamQuality::is_idle_bus(std::span<const double> raw, std::uint32_t usabl
     return idle_ >= enough;
 }
 
-// Compares the change with the time since the last frame, or with the declared interval if frames of a backlog arrive
-// together.
-bool StreamQuality::has_stepped(std::span<const double> raw, std::uint32_t usable) const noexcept {
-    const double declared_Hz = tuning_->rate_Hz > 0 ? tuning_->rate_Hz : double(rate_Hz_);
-    if (after_discontinuity_ || !(declared_Hz > 0))
-        return false;  // the change is unknown, or the rate is neither declared nor measured
-    const double step_s = std::max(double(step_ns_) * 1e-9, (1 + double(lost_now_)) / declared_Hz);
-    const double max = tuning_->slew_limit_per_s * step_s;
-    for (std::size_t k = 0; k < raw.size(); ++k)
-        if ((usable & newest_ & 1u << k) != 0 && std::abs(raw[k] - raw_[k]) > max) return true;
-    return false;
-}
-
 void StreamQuality::measure_rate(std::uint64_t t_ns) noexcept {
     if (rate_frames_++ == 0) {
         rate_since_ns_ = t_ns;
@@ -155,12 +138,12 @@ bool StreamQuality::has_discontinuity(bool connected, std::uint64_t now_ns) noex
     return true;
 }
 
-bool ZeroDriftCheck::has_drifted(const double (&raw_force_S_N)[3], bool at_rest, std::uint64_t t_ns) noexcept {
+void ZeroDriftCheck::take(const double (&raw_force_S_N)[3], bool at_rest, std::uint64_t t_ns) noexcept {
     const double limit_N = tuning_->drift_limit_N;
-    if (limit_N <= 0) return false;
-    if (!at_rest) {
+    if (limit_N <= 0) drifted_ = false;
+    if (limit_N <= 0 || !at_rest) {
         since_ns_ = 0;
-        return drifted_;
+        return;
     }
     if (since_ns_ == 0) {
         since_ns_ = last_ns_ = t_ns;
@@ -174,7 +157,6 @@ bool ZeroDriftCheck::has_drifted(const double (&raw_force_S_N)[3], bool at_rest,
         if (std::isfinite(mean_N_[i])) squares += mean_N_[i] * mean_N_[i];
     }
     if (t_ns - since_ns_ >= kRestNs) drifted_ = squares > limit_N * limit_N;
-    return drifted_;
 }
 
 }  // namespace tactiled

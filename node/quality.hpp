@@ -66,17 +66,16 @@ private:
     void measure_rate(std::uint64_t t_ns) noexcept;
     [[nodiscard]] std::uint32_t find_frozen(std::span<const double> raw, std::uint32_t usable) noexcept;
     [[nodiscard]] bool is_idle_bus(std::span<const double> raw, std::uint32_t usable) noexcept;
-    [[nodiscard]] bool has_stepped(std::span<const double> raw, std::uint32_t usable) const noexcept;
 
     const Tuning* tuning_;
-    std::uint64_t last_frame_ns_ = 0, step_ns_ = 0;  // step_ns_: time since the previous frame
-    std::uint64_t resumed_ns_ = 0;                   // end of the last suspension of the machine
-    bool after_discontinuity_ = true;                // this is the first frame of a stream
-    std::uint32_t opening_ = 0;                      // number of the link's opening for the previous frame
-    std::uint32_t broken_ = TACTILED_NO_DATA_YET, discontinuities_ = 0, lost_ = 0, lost_now_ = 0;
+    std::uint64_t last_frame_ns_ = 0;
+    std::uint64_t resumed_ns_ = 0;     // end of the last suspension of the machine
+    bool after_discontinuity_ = true;  // this is the first frame of a stream
+    std::uint32_t opening_ = 0;        // number of the link's opening for the previous frame
+    std::uint32_t broken_ = TACTILED_NO_DATA_YET, discontinuities_ = 0, lost_ = 0;
 
     std::array<double, kMaxChannels> raw_{};              // numbers of the previous frame
-    std::uint32_t known_ = 0, newest_ = 0;                // known_: bit k: raw_[k] is a number; newest_: of the last frame
+    std::uint32_t known_ = 0;                             // bit k: raw_[k] is a number
     std::array<std::uint64_t, kMaxChannels> moved_ns_{};  // time of the last change of a channel
     std::array<unsigned, kMaxChannels> equal_{},
         moved_{};               // consecutive readings: equal to the previous one; of frozen channels that changed
@@ -96,7 +95,8 @@ public:
     // `tuning` must outlive this object.
     explicit ZeroDriftCheck(const Tuning& tuning) : tuning_(&tuning) {}
     // rt: wait-free
-    [[nodiscard]] bool has_drifted(const double (&raw_force_S_N)[3], bool at_rest, std::uint64_t t_ns) noexcept;
+    void take(const double (&raw_force_S_N)[3], bool at_rest, std::uint64_t t_ns) noexcept;
+    [[nodiscard]] bool has_drifted() const noexcept { return drifted_; }
 
 private:
     const Tuning* tuning_;

@@ -28,8 +28,10 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     if (stream_.arrive(frame)) {
         low_pass_.reset();
         latency_.forget();
+        jumps_.end_motion();
     }
     if (setup_.automatic != nullptr) take_over_method();
+    if (!is_of_another_device(frame)) follow_device(frame);
 
     tactiled_sample s = next_sample(frame.t_ns, now_ns);
     s.device_sequence = frame.has_sequence ? frame.sequence : 0;
@@ -39,18 +41,21 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     s.epoch = epoch();  // set after the estimate, because a channel that froze begins a new epoch
     judge_age(frame.age, s);
     tactiled_put_verdict(&s, e.has_value);
+    judge_jump(frame.lost, s);
     follow_tare(s);
     judge_zero(s);
     tactiled_put_verdict(&s, e.has_value);
     judge_latency(s);
-    // A doubtful value, for instance of a saturated channel, must not contribute to a GOOD value through the low pass.
-    if (s.quality == TACTILED_BAD || (s.quality == TACTILED_GOOD && own_quality_ == TACTILED_UNCERTAIN)) low_pass_.reset();
+    if (is_confirmed(s)) {
+        // A doubtful value, for instance of a saturated channel, must not contribute to a GOOD value through the low pass.
+        if (s.quality == TACTILED_BAD || (s.quality == TACTILED_GOOD && own_quality_ == TACTILED_UNCERTAIN))
+            low_pass_.reset();
+        own_quality_ = s.quality;
+    }
     put_tared(s);
     judge_magnitude(s);
-    if (drift_.has_drifted(s.raw_force_S_N, (s.state & TACTILED_CONTACT) == 0 && s.quality != TACTILED_BAD, s.t_ns))
-        s.reasons |= TACTILED_DRIFTED;
+    judge_drift(s);
     if (s.quality == TACTILED_BAD) tactiled_invalidate(&s, 0);
-    own_quality_ = s.quality;
     last_ = s;
     return s;
 }
@@ -63,6 +68,26 @@ inline void Sensor::judge_age(Frame::Age age, tactiled_sample& s) const noexcept
         return;
     }
     s.reasons |= TACTILED_UNPROVED_AGE;
+}
+
+// A device that starts may have another zero, unless its force is that before.
+inline void Sensor::follow_device(const Frame& frame) noexcept {
+    constexpr std::uint64_t kStart_ns = 1'000'000'000;  // a device needs this time to start
+    const std::uint64_t t_ns = frame.t_ns + suspended_ns_, gap_ns = tuning_->stale_ns + kStart_ns;
+    if (continuity_.goes_on(frame, t_ns, double(stream_.rate_Hz()), gap_ns)) return;
+    if (!std::exchange(may_be_another_, true)) jumps_.mark();
+}
+
+// A value that has left the motion may be wrong until the next one confirms it.
+inline void Sensor::judge_jump(std::uint32_t lost, tactiled_sample& s) noexcept {
+    if (s.quality == TACTILED_BAD) return jumps_.miss();
+    const Wrench raw_S = wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm), sd = wrench_of(s.sd_force_N, s.sd_torque_Nm);
+    const bool agrees = !may_be_another_ || (!tuning_->forgets_zero && jumps_.agrees(raw_S, lost));
+    if (!jumps_.confirm(raw_S, sd, s.t_ns, lost))
+        s.reasons |= TACTILED_STEPPED;
+    else if (std::exchange(may_be_another_, false) && !agrees)
+        zero_.doubt();
+    if (jumps_.is_frequent()) s.reasons |= TACTILED_GLITCHES;
 }
 
 // A frame that is older than stale_ms gives a BAD sample, as if the frame had not arrived.
@@ -202,7 +227,7 @@ inline void Sensor::follow_tare(tactiled_sample& s) noexcept {
 // The error of the force is unknown if the zero of the tare is lost or unknown for this method.
 void Sensor::judge_zero(tactiled_sample& s) const noexcept {
     if (zero_.is_known(method_) || s.quality == TACTILED_BAD) return;
-    if (zero_.is_lost()) s.reasons |= TACTILED_ZERO_UNKNOWN;
+    if (zero_.is_missing()) s.reasons |= TACTILED_ZERO_UNKNOWN;
     s.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
     for (std::size_t i = 0; i < 3; ++i) s.sd_force_N[i] = s.sd_torque_Nm[i] = kNaN;
 }
@@ -222,27 +247,40 @@ void Sensor::put_tared(tactiled_sample& s) noexcept {
     for (std::size_t i = 0; i < tared.size(); ++i) tared[i] -= zero[i];
     if (s.quality != TACTILED_BAD) {
         Wrench sd = wrench_of(s.sd_force_N, s.sd_torque_Nm);
-        low_pass_.apply(tared, sd, s.t_ns);
+        if (is_confirmed(s))
+            low_pass_.apply(tared, sd, s.t_ns);
+        else
+            low_pass_.hold(tared, sd);
         put_wrench(sd, s.sd_force_N, s.sd_torque_Nm);
     }
     put_wrench(tared, s.force_S_N, s.torque_S_Nm);
 }
 
-// Sets contact, overload and peak from the measured components. Without a value there is no contact, so the contact of the
-// last sample is not kept.
+// Sets contact, overload and peak from the measured components. Contact and overload do not wait for a confirmation, but
+// leave no trace without it. Without a value there is no contact, so the contact of the last sample is not kept.
 void Sensor::judge_magnitude(tactiled_sample& s) noexcept {
     s.peak_N = peak_N_;
-    if (s.quality == TACTILED_BAD) return;
+    if (s.quality == TACTILED_BAD) {
+        has_contact_ = false;
+        return;
+    }
     double squares = 0;
     for (const double f : s.force_S_N)
         if (std::isfinite(f)) squares += f * f;
     const double magnitude_N = std::sqrt(squares);
     const SensorSettable& at = in_force_;
-    const bool had_contact = (last_.state & TACTILED_CONTACT) != 0;
-    if (magnitude_N >= (had_contact ? at.contact_off_N : at.contact_on_N)) s.state |= TACTILED_CONTACT;
+    if (magnitude_N >= (has_contact_ ? at.contact_off_N : at.contact_on_N)) s.state |= TACTILED_CONTACT;
     if (at.overload_N > 0 && magnitude_N > at.overload_N) s.state |= TACTILED_OVERLOAD;
     if (low_pass_.is_on()) s.state |= TACTILED_LOW_PASS;
+    if (!is_confirmed(s)) return;
+    has_contact_ = (s.state & TACTILED_CONTACT) != 0;
     peak_N_ = s.peak_N = std::max(peak_N_, float(magnitude_N));
+}
+
+void Sensor::judge_drift(tactiled_sample& s) noexcept {
+    const bool at_rest = (s.state & TACTILED_CONTACT) == 0 && s.quality != TACTILED_BAD;
+    if (is_confirmed(s)) drift_.take(s.raw_force_S_N, at_rest, s.t_ns);
+    if (drift_.has_drifted()) s.reasons |= TACTILED_DRIFTED;
 }
 
 const tactiled_sample& Sensor::compare(const tactiled_sample& others) noexcept {
@@ -264,6 +302,7 @@ tactiled_sample Sensor::marker(std::uint64_t now_ns) noexcept {
     s.epoch = epoch();
     s.tare_count = zero_.tare_count();
     s.peak_N = peak_N_;
+    has_contact_ = false;
     tactiled_invalidate(&s, stream_.broken());
     last_ = s;
     return s;
@@ -284,6 +323,13 @@ void Sensor::notice_suspension(std::uint64_t now_ns) noexcept {
 void Sensor::start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept {
     daemon_epoch_ = daemon_epoch;
     stream_.start(now_ns);
+}
+
+void Sensor::restore_zero(const TaredZero& zero, const std::optional<LastForce>& last) noexcept {
+    zero_.restore(zero);
+    if (!last) return zero_.doubt();
+    jumps_.mark(*last);
+    may_be_another_ = true;
 }
 
 void Sensor::set(const SensorSettable& settable) noexcept {
@@ -310,10 +356,12 @@ void Sensor::succeed(const Sensor& before) noexcept {
     daemon_epoch_ = before.daemon_epoch_;
     stream_.succeed(before.stream_, setup_.channel_of_frame == before.setup_.channel_of_frame);
     agreement_.succeed(before.agreement_);
+    jumps_.succeed(before.jumps_);
     if (setup_.temperature_of_frame == before.setup_.temperature_of_frame &&
         setup_.temperature_of_sensor == before.setup_.temperature_of_sensor)
         thermometer_.succeed(before.thermometer_);
     if (before.zero_.tare_count() != 0 || before.zero_.is_lost()) zero_.lose();
+    if (before.zero_.is_doubted()) zero_.doubt();
     set(before.requested_);
 }
 

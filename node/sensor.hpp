@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "decoupling/auto_method.hpp"
@@ -13,6 +14,8 @@
 #include "drivers/clock.hpp"
 #include "drivers/frame.hpp"
 #include "node/agreement.hpp"
+#include "node/continuity.hpp"
+#include "node/jump_check.hpp"
 #include "node/low_pass.hpp"
 #include "node/quality.hpp"
 #include "node/thermometer.hpp"
@@ -48,6 +51,7 @@ public:
         TemperatureInUse temperature;
         int serial_of_frame = -1;  // channel of a frame with the number of the device; -1: none
         double serial = 0;         // number of the calibrated device
+        bool needs_tare = false;   // each session of the calibration had a zero of its own
         Tuning tuning;
         std::unique_ptr<Decoupler> decoupler;
         AutoMethod* automatic = nullptr;                 // the decoupler, if it is method "auto"
@@ -60,7 +64,7 @@ public:
           stream_(*tuning_),
           drift_(*tuning_),
           agreement_(tuning_->pair),
-          zero_(*tuning_),
+          zero_(*tuning_, setup_.needs_tare),
           thermometer_(*tuning_) {
         if (setup_.decoupler != nullptr) {
             set_delay();
@@ -122,6 +126,7 @@ public:
     // Returns to the calibration's zero with the next sample, or immediately if no sample arrives. rt: wait-free
     void begin_untare() noexcept {
         zero_.begin_removal(is_delivering());
+        may_be_another_ = false;
         low_pass_.reset();
     }
     using Tare = tactiled::Tare;
@@ -148,10 +153,18 @@ public:
     [[nodiscard]] TaredZero tared_zero() const noexcept { return zero_.tared(); }
     [[nodiscard]] std::uint32_t zero_id() const noexcept { return setup_.zero_id; }
     [[nodiscard]] bool has_lost_zero() const noexcept { return zero_.is_lost(); }
+    [[nodiscard]] bool doubts_zero() const noexcept { return zero_.is_doubted(); }
+    // Returns the force by which the next run knows that the device still has its zero; nullopt: the zero is doubted.
+    [[nodiscard]] std::optional<LastForce> last_force() const noexcept {
+        if (zero_.is_doubted()) return std::nullopt;
+        if (may_be_another_) return jumps_.marked();
+        return jumps_.has_value() ? std::optional(jumps_.last()) : std::nullopt;
+    }
     // Returns true if, with method "auto", a method still needs its zero from the last tare.
     [[nodiscard]] bool is_finding_zeros() const noexcept { return zero_.has_more_to_find(); }
-    // Continues with the tare of an earlier run, or marks that tare as lost. Before the first sample. setup
-    void restore_zero(const TaredZero& zero) noexcept { zero_.restore(zero); }
+    // Continues with the tare of an earlier run, which is doubted unless the first force is the last one of that run, or
+    // marks that tare as lost. Before the first sample. setup
+    void restore_zero(const TaredZero& zero, const std::optional<LastForce>& last) noexcept;
     void lose_zero() noexcept { zero_.lose(); }
     // Returns the zero that was subtracted from the raw wrench of the last sample.
     [[nodiscard]] const Wrench& zero_S() const noexcept { return zero_.of(method_); }
@@ -166,6 +179,7 @@ private:
     [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;
     [[nodiscard]] inline Reading read(const Frame& frame, std::array<double, kMaxChannels>& raw) noexcept;
     [[nodiscard]] inline double temperature_C(const Frame& frame) noexcept;
+    [[nodiscard]] static bool is_confirmed(const tactiled_sample& s) noexcept { return (s.reasons & TACTILED_STEPPED) == 0; }
     [[nodiscard]] bool is_of_another_device(const Frame& frame) const noexcept;
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept;
     [[nodiscard]] std::uint32_t epoch() const noexcept {
@@ -174,11 +188,14 @@ private:
     void take_over_method() noexcept;
     void put_method(tactiled_sample& sample) const noexcept;
     inline void judge_age(Frame::Age age, tactiled_sample& sample) const noexcept;
+    inline void follow_device(const Frame& frame) noexcept;
+    inline void judge_jump(std::uint32_t lost, tactiled_sample& sample) noexcept;
     inline void follow_tare(tactiled_sample& sample) noexcept;
     void judge_zero(tactiled_sample& sample) const noexcept;
     inline void judge_latency(tactiled_sample& sample) noexcept;
     void put_tared(tactiled_sample& sample) noexcept;
     void judge_magnitude(tactiled_sample& sample) noexcept;
+    void judge_drift(tactiled_sample& sample) noexcept;
     void set_delay() noexcept {
         if (setup_.decoupler == nullptr) return;
         setup_.decoupler->set_delay(tuning_->delay_s);
@@ -190,6 +207,9 @@ private:
     std::unique_ptr<Tuning> tuning_;  // the parts below point to it
     SensorSettable requested_, in_force_;
     StreamQuality stream_;
+    JumpCheck jumps_;
+    Continuity continuity_;
+    bool may_be_another_ = false;  // the device may have started again or been exchanged since the last confirmed sample
     ZeroDriftCheck drift_;
     Agreement agreement_;
     Zero zero_;
@@ -201,8 +221,9 @@ private:
     std::array<double, kMaxChannels> channel_{};  // channels of the last frame, in the unit of the calibration
     double others_temperature_C_ = kNaN;
     float peak_N_ = 0;
+    bool has_contact_ = false;  // the last confirmed sample had contact
     tactiled_sample last_{};
-    std::uint32_t own_quality_ = TACTILED_BAD;  // quality of last_, before it was compared
+    std::uint32_t own_quality_ = TACTILED_BAD;  // quality of the last confirmed sample, before it was compared
     std::uint64_t sequence_ = 0;
     std::uint32_t daemon_epoch_ = 0;
     std::uint64_t suspended_ns_ = 0;  // largest observed total since boot, less an accepted error

@@ -112,7 +112,7 @@ ZeroOwner zero_owner(const SensorSettings& settings, const Calibration& calibrat
     add(calibration_text(calibration));
     add(fmt::format("{:.17g} {} {}", settings.counts_per_unit, settings.link, settings.device));
     for (const auto& channel : settings.channels) add(channel);
-    ZeroOwner owner{settings.name, calibration.serial, id.checksum(), {}, settings.tare_after_restart == "restore"};
+    ZeroOwner owner{settings.name, calibration.serial, id.checksum(), {}, settings.zero_after != "forget"};
     if (setup.automatic == nullptr) owner.methods.emplace_back(setup.decoupler->method());
     for (std::size_t i = 0; setup.automatic != nullptr && i < setup.automatic->front().size(); ++i)
         owner.methods.emplace_back(setup.automatic->front()[i].cost.method);
@@ -152,6 +152,8 @@ Tuning tuning_of(const SensorSettings& settings, const Calibration& calibration,
     static_cast<SensorTuning&>(tuning) = settings;
     const auto device = std::uint16_t(settings.device);
     tuning.stale_ns = std::uint64_t(settings.stale_ms) * 1'000'000u;
+    tuning.doubts_zero = settings.zero_after != "keep";
+    tuning.forgets_zero = settings.zero_after == "forget";
     tuning.noisy = driver != nullptr && driver->is_noisy(device);
     tuning.thermometer_frozen_after = settings.temperature_frozen_after >= 0 ? unsigned(settings.temperature_frozen_after)
                                       : tuning.noisy && !settings.temperature.empty() ? unsigned(kFrozenAfter)
@@ -227,6 +229,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
         setup.serial_of_frame = index_of(settings.serial_channel);
         setup.serial = number.value_or(0);
     }
+    setup.needs_tare = calibration.validation.ends_with(Calibration::kOwnZeros);
     node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
     tactiled_sensor& entry = node.plan.sensors.back();
     node.zeros.push_back(zero_owner(settings, calibration, setup));

@@ -15,6 +15,8 @@ namespace tactiled {
 // thermometer_frozen_after for temperature_frozen_after, and `pair` for the keys agree_...
 struct Tuning : SensorTuning {
     std::uint64_t stale_ns = 100'000'000;  // longest time without a frame for which the sensor has a value
+    bool doubts_zero = true;               // zero_after is not "keep"
+    bool forgets_zero = false;             // zero_after is "forget"
     // A channel that repeats one number is frozen after this number of readings, if they last this long. 0 readings = never.
     struct Frozen {
         unsigned after = 0;

@@ -34,8 +34,9 @@ void Zero::begin_tare(std::uint64_t now_ns) noexcept {
 
 void Zero::begin_removal(bool is_delivering) noexcept {
     of_method_ = {};
-    unknown_ = to_find_ = tare_count_ = 0;
-    is_lost_ = false;
+    unknown_ = unknown_untared();
+    to_find_ = tare_count_ = 0;
+    is_lost_ = is_doubted_ = false;
     tare_ = is_delivering ? Tare::removing : Tare::done;
 }
 
@@ -54,7 +55,8 @@ bool Zero::advance(const tactiled_sample& s, std::span<const double> channel, st
         tare_ = Tare::failed;
         return false;
     }
-    if (s.t_ns < window_.begin_ns()) return false;  // measured before the command
+    if (s.t_ns < window_.begin_ns()) return false;          // measured before the command
+    if ((s.reasons & TACTILED_STEPPED) != 0) return false;  // not confirmed
     const bool complete = window_.add(wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm), s.t_ns);
     for (std::size_t k = 0; k < channel.size(); ++k) channel_sum_[k] += channel[k];
     is_unsure_ |= (s.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0;
@@ -66,7 +68,7 @@ bool Zero::advance(const tactiled_sample& s, std::span<const double> channel, st
     to_find_ = ((1u << n_methods) - 1) & ~(1u << method);
     unknown_ = to_find_ | (is_unsure_ ? 1u << method : 0u);
     end_ns_ = s.t_ns;
-    is_lost_ = false;
+    is_lost_ = is_doubted_ = false;
     ++tare_count_;
     return true;
 }

@@ -42,8 +42,10 @@ struct TaredZero {
 
 class Zero {
 public:
-    // `tuning` must outlive this object. Other limits leave the zeros unchanged.
-    explicit Zero(const Tuning& tuning) : tuning_(&tuning) {}
+    // `tuning` must outlive this object. Other limits leave the zeros unchanged. `needs_tare`: the zero of the calibration
+    // is not that of another session.
+    explicit Zero(const Tuning& tuning, bool needs_tare = false)
+        : tuning_(&tuning), needs_tare_(needs_tare), unknown_(unknown_untared()) {}
 
     // Returns true if the value can be a zero. A mounted sensor may rest outside the calibrated domain, but a
     // saturated or incomplete reading has no known zero. rt: wait-free
@@ -68,14 +70,21 @@ public:
 
     // Returns the zero of a method; `method` is 0 without "auto".
     [[nodiscard]] const Wrench& of(std::size_t method) const noexcept { return of_method_[method]; }
-    // Returns false if a tare is in force whose zero is unknown for this method.
-    [[nodiscard]] bool is_known(std::size_t method) const noexcept { return (unknown_ >> method & 1u) == 0; }
+    // Returns false if a tare is in force whose zero is unknown for this method, or needed and missing, or doubted.
+    [[nodiscard]] bool is_known(std::size_t method) const noexcept {
+        return (unknown_ >> method & 1u) == 0 && !is_doubted();
+    }
     [[nodiscard]] bool has_more_to_find() const noexcept { return to_find_ != 0; }
     // Returns the number of finished tares since the last removal.
     [[nodiscard]] std::uint32_t tare_count() const noexcept { return tare_count_; }
 
     // True if a tare was in force whose zero is lost. No method then has a known zero until the next tare or removal.
     [[nodiscard]] bool is_lost() const noexcept { return is_lost_; }
+    // True if no method has a known zero until the next tare. rt: wait-free
+    [[nodiscard]] bool is_missing() const noexcept { return is_lost_ || is_doubted() || (needs_tare_ && tare_count_ == 0); }
+    // The device may have another zero until the next tare or removal. rt: wait-free
+    void doubt() noexcept { is_doubted_ = true; }
+    [[nodiscard]] bool is_doubted() const noexcept { return is_doubted_ && tuning_->doubts_zero; }
     // rt: wait-free
     void lose() noexcept;
     // Returns the zeros of the tare in force, to be stored for a restart; tare_count 0: no tare is in force. rt:
@@ -86,13 +95,15 @@ public:
 
 private:
     [[nodiscard]] Tare verdict(const tactiled_sample& last) const noexcept;
+    [[nodiscard]] std::uint32_t unknown_untared() const noexcept { return needs_tare_ ? ~0u : 0; }
 
     const Tuning* tuning_;
+    bool needs_tare_;
     std::array<Wrench, MethodChoice::kMax> of_method_{};
-    std::uint32_t unknown_ = 0;  // bit i: the zero of method i is unknown
+    std::uint32_t unknown_;      // bit i: the zero of method i is unknown
     std::uint32_t to_find_ = 0;  // bit i: method i needs its zero from the mean of the last tare
     std::uint32_t tare_count_ = 0;
-    bool is_lost_ = false;
+    bool is_lost_ = false, is_doubted_ = false;
 
     Tare tare_ = Tare::none;
     TareWindow window_;

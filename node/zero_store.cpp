@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -17,12 +18,14 @@
 #include "config/seal.hpp"
 #include "config/text_file.hpp"
 #include "node/log.hpp"
+#include "node/shm/folder.hpp"
 #include "tactiled/reader.hpp"
 
 namespace tactiled {
 namespace {
 
-constexpr std::int64_t kFormat = 2;
+constexpr std::int64_t kFormat = 3, kWithoutLast = 2;
+constexpr double kMaxNumber = 1e300;
 constexpr std::size_t kMaxBytes = 1 << 20, kMaxKept = 256;
 constexpr std::uint64_t kRetryNs = 1'000'000'000;  // after a write that failed
 constexpr int kPatienceMs = 500;                   // for a daemon that is ending
@@ -38,7 +41,39 @@ std::string now_text() {
                        fmt::gmtime(std::chrono::system_clock::to_time_t(std::chrono::system_clock::now())));
 }
 
+// A number that is not known is as large as the file can have.
+std::string numbers_of(const Wrench& wrench) {
+    std::vector<std::string> numbers;
+    for (const double x : wrench) numbers.push_back(fmt::format("{:.17e}", std::isnan(x) ? kMaxNumber : x));
+    return fmt::format("{}", fmt::join(numbers, ", "));
+}
+
+// The last force of a run that kept nothing but its samples.
+std::optional<LastForce> last_force(const tactiled_sample& s) {
+    constexpr double kSame = 2;
+    if ((s.reasons & (TACTILED_STEPPED | TACTILED_ZERO_UNKNOWN)) != 0 || (s.state & TACTILED_LOW_PASS) != 0)
+        return std::nullopt;
+    LastForce last;
+    last.raw_S = wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm);
+    last.tolerance = wrench_of(s.sd_force_N, s.sd_torque_Nm);
+    for (double& each : last.tolerance) each *= kSame;
+    return last;
+}
+
 }  // namespace
+
+std::map<std::string, tactiled_sample> samples_of_killed(const std::string& node_name) {
+    std::map<std::string, tactiled_sample> samples;
+    std::string why;
+    const Segment segment = Segment::try_open(node_name, why, runtime_folder());
+    if (!segment.is_open() || *segment.warning() != '\0') return samples;  // it may be forged
+    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
+        tactiled_sample sample{};
+        if (tactiled_ring_latest(segment.base(), &segment.sensor(i).ring, &sample, sizeof sample) != 0)
+            samples[segment.sensor(i).name] = sample;
+    }
+    return samples;
+}
 
 ZeroFiles zero_files(const std::string& configured, const std::string& node_name) {
     if (!configured.empty()) return {configured, configured};
@@ -84,7 +119,9 @@ ZeroStore::ZeroStore(ZeroFiles files, std::vector<ZeroOwner> owners)
     thread_.start("zeros", 0, -1, [this] { serve(); });
 }
 
-ZeroStore::~ZeroStore() {
+ZeroStore::~ZeroStore() { end(); }
+
+void ZeroStore::end() noexcept {
     stop_.store(true);
     work_.wake();
     thread_.join();
@@ -100,7 +137,8 @@ void ZeroStore::load(const std::string& path) {
         const Seal seal = find_seal(*bytes);
         const std::string_view lines = std::string_view(*bytes).substr(0, seal.start);
         Options file = Options::parse_text(lines, path, problems);
-        if (problems.empty() && file.integer("format", {1, 1e9}) != kFormat)
+        const std::int64_t format = file.integer("format", {1, 1e9});
+        if (problems.empty() && format != kFormat && format != kWithoutLast)
             file.problem("format", fmt::format("this tactiled reads format = {}", kFormat));
         if (problems.empty() && seal.crc != crc_of_lines(lines))
             problems.add(path, 0, "the file is damaged: its last line should be the checksum crc of the lines above");
@@ -114,10 +152,18 @@ void ZeroStore::load(const std::string& path) {
             for (auto& zero : table.tables("zero", MethodChoice::kMax)) {
                 Wrench wrench{};
                 const std::string method = zero.text("method");
-                const auto numbers = zero.numbers("wrench_S", {-1e300, 1e300}, {wrench.size(), wrench.size()});
+                const auto numbers = zero.numbers("wrench_S", {-kMaxNumber, kMaxNumber}, {wrench.size(), wrench.size()});
                 if (numbers.size() != wrench.size()) continue;
                 std::copy(numbers.begin(), numbers.end(), wrench.begin());
                 kept.of_method[method] = wrench;
+            }
+            for (auto& last : table.tables("last", 1)) {
+                LastForce& force = kept.last.emplace();
+                for (Wrench* const to : {&force.raw_S, &force.tolerance}) {
+                    const auto numbers = last.numbers(to == &force.raw_S ? "raw_S" : "tolerance", {-kMaxNumber, kMaxNumber},
+                                                      {to->size(), to->size()});
+                    std::copy_n(numbers.begin(), std::min(numbers.size(), to->size()), to->begin());
+                }
             }
             kept_.push_back(std::move(kept));
         }
@@ -126,13 +172,16 @@ void ZeroStore::load(const std::string& path) {
     if (problems.empty()) return;
     log_line(LogLevel::warning, "{}; no zero is known: tare every sensor, or remove its tare", problems.lines().front());
     kept_.clear();
-    for (const ZeroOwner& owner : owners_) kept_.push_back({owner.sensor, owner.serial, now_text(), 0, 1, {}});
+    for (const ZeroOwner& owner : owners_) kept_.push_back({owner.sensor, owner.serial, now_text(), 0, 1, {}, {}});
 }
 
-void ZeroStore::restore(std::vector<Sensor>& sensors) {
+void ZeroStore::restore(std::vector<Sensor>& sensors, const std::map<std::string, tactiled_sample>& killed) {
     for (std::size_t i = 0; i < sensors.size(); ++i) {
         const ZeroOwner& owner = owners_[i];
         const Kept* const kept = find(owner.sensor);
+        const auto sample = killed.find(owner.sensor);
+        if (kept == nullptr && sample != killed.end() && (sample->second.reasons & TACTILED_ZERO_UNKNOWN) != 0)
+            sensors[i].lose_zero();
         if (kept == nullptr) continue;
         TaredZero zero;
         zero.tare_count = kept->tare_count;
@@ -146,17 +195,34 @@ void ZeroStore::restore(std::vector<Sensor>& sensors) {
         }
         const bool same = any && kept->id == owner.id && kept->serial == owner.serial;
         if (same && owner.restore) {
-            sensors[i].restore_zero(zero);
+            const bool has_value = sample != killed.end() && sample->second.quality != TACTILED_BAD;
+            const std::optional<LastForce> last = has_value ? last_force(sample->second) : kept->last;
+            sensors[i].restore_zero(zero, last);
             log_line(LogLevel::info, "sensor \"{}\": the tare of {} is in force", owner.sensor, kept->time);
             continue;
         }
         sensors[i].lose_zero();
         log_line(LogLevel::warning, "sensor \"{}\": the tare of {} is not restored, {}; tare it, or remove its tare",
                  owner.sensor, kept->time,
-                 !owner.restore ? "because of tare_after_restart = \"forget\""
+                 !owner.restore ? "because of zero_after = \"forget\""
                  : !any         ? "because its zero is not known"
                                 : "because the calibration, the serial or the channels are others");
     }
+}
+
+void ZeroStore::keep_last(const std::vector<Sensor>& sensors) {
+    end();
+    for (std::size_t i = 0; i < owners_.size(); ++i) {
+        const ZeroOwner& owner = owners_[i];
+        const Sensor& sensor = sensors[sensor_of_owner_[i]];
+        if (sensor.zero_id() != owner.id) continue;  // an earlier configuration
+        Kept* const kept = find(owner.sensor);
+        if (kept != nullptr && kept->id == owner.id)
+            kept->last = sensor.last_force();
+        else if (kept == nullptr && sensor.doubts_zero())  // not tared, and unknown to the next run as well
+            kept_.push_back({owner.sensor, owner.serial, now_text(), owner.id, 1, {}, {}});
+    }
+    write();
 }
 
 void ZeroStore::replace_owner(std::size_t index, ZeroOwner owner) {
@@ -225,7 +291,7 @@ void ZeroStore::take(const Order& order) {
     for (std::size_t i = 0; i < owners_.size(); ++i)
         if (sensor_of_owner_[i] == order.sensor && owners_[i].id == order.id) owner = &owners_[i];
     if (owner == nullptr) return;
-    Kept kept{owner->sensor, owner->serial, now_text(), order.id, order.zero.tare_count, {}};
+    Kept kept{owner->sensor, owner->serial, now_text(), order.id, order.zero.tare_count, {}, {}};
     for (std::size_t k = 0; k < owner->methods.size() && k < order.zero.of_method.size(); ++k)
         if ((order.zero.unknown >> k & 1u) == 0) kept.of_method[owner->methods[k]] = order.zero.of_method[k];
     std::erase_if(kept_, [&](const Kept& each) { return each.sensor == kept.sensor; });
@@ -246,11 +312,11 @@ std::string ZeroStore::text() const {
         out += fmt::format("\n[[sensor]]\nname = {}\nserial = {}\ncalibration_id = {}\ntime = {}\ntare_count = {}\n",
                            toml_text(kept.sensor), toml_text(kept.serial), kept.id, toml_text(kept.time), kept.tare_count);
         for (const auto& [method, wrench] : kept.of_method) {
-            std::vector<std::string> numbers;
-            for (const double x : wrench) numbers.push_back(fmt::format("{:.17e}", x));
-            out +=
-                fmt::format("[[sensor.zero]]\nmethod = {}\nwrench_S = [{}]\n", toml_text(method), fmt::join(numbers, ", "));
+            out += fmt::format("[[sensor.zero]]\nmethod = {}\nwrench_S = [{}]\n", toml_text(method), numbers_of(wrench));
         }
+        if (kept.last)
+            out += fmt::format("[[sensor.last]]\nraw_S = [{}]\ntolerance = [{}]\n", numbers_of(kept.last->raw_S),
+                               numbers_of(kept.last->tolerance));
     }
     return sealed(out);
 }

@@ -3,12 +3,13 @@
 // Before a tare or its removal begins, the file is marked: the zero changes. The command is acknowledged after the new zero
 // is in the file. After a restart in between the zero is unknown. Tares are refused while the file cannot be written. A zero
 // is restored for the same sensor with the same calibration, serial, channels and method; otherwise the tare is marked as
-// lost.
+// lost. A restored zero is doubted unless the first force is the last one of the run before.
 #pragma once
 #include <atomic>
 #include <cstdint>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,7 +26,7 @@ struct ZeroOwner {
     std::string sensor, serial;
     std::uint32_t id = 0;
     std::vector<std::string> methods;  // in the order of TaredZero::of_method
-    bool restore = true;               // tare_after_restart = "restore"
+    bool restore = true;               // zero_after is not "forget"
 };
 
 // The file in which zeros are stored, and the file from which they are read at the start; "" = none.
@@ -40,6 +41,10 @@ ZeroFiles zero_files(const std::string& configured, const std::string& node_name
 // so that no tare is lost if its folder can no longer be written.
 ZeroFiles zero_files_in(const std::vector<std::string>& folders, const std::string& node_name);
 
+// Returns the last samples of a daemon that was killed, from the segment that it left, by sensor. Before another segment
+// has its name. setup
+std::map<std::string, tactiled_sample> samples_of_killed(const std::string& node_name);
+
 class ZeroStore {
 public:
     // Reads `files.read`, and writes `files.written` to check that it can be written. `owners` are in the order of the
@@ -50,8 +55,11 @@ public:
     ZeroStore(const ZeroStore&) = delete;
     ZeroStore& operator=(const ZeroStore&) = delete;
 
-    // Gives each sensor the zero of its last tare, or marks the zero as lost. Before the loop. setup
-    void restore(std::vector<Sensor>& sensors);
+    // Gives each sensor the zero of its last tare, or marks the zero as lost. `killed`: the last samples of a run that could
+    // not keep them, by sensor. Before the loop. setup
+    void restore(std::vector<Sensor>& sensors, const std::map<std::string, tactiled_sample>& killed = {});
+    // Keeps the last forces of the tared sensors for the next start, and ends the store. After the loop. setup
+    void keep_last(const std::vector<Sensor>& sensors);
     // Changes the owner of sensor `index`; call it before the sensor changes. setup
     void replace_owner(std::size_t index, ZeroOwner owner);
 
@@ -79,10 +87,12 @@ private:
         std::string sensor, serial, time;
         std::uint32_t id = 0, tare_count = 0;
         std::map<std::string, Wrench> of_method;  // the known zeros
+        std::optional<LastForce> last;            // at the end of the last run that ended in order
     };
     void add(std::uint32_t sensor, const Sensor& of, const TaredZero& zero) noexcept;
     void load(const std::string& path);
     void serve() noexcept;
+    void end() noexcept;
     void take(const Order& order);
     void write() noexcept;
     [[nodiscard]] std::string text() const;

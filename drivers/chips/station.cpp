@@ -116,7 +116,10 @@ Station::Outcome Station::set_up() noexcept {
     ++step_;
     due_ns_ = port_.now_ns() + progress.wait_us * kUs;
     if (progress.kind == Chip::Progress::more) return Outcome::nothing;
-    if (std::exchange(was_set_up_, true)) ++counts_[TACTILED_LINK_RESTARTED];
+    if (std::exchange(was_set_up_, true)) {
+        ++counts_[TACTILED_LINK_RESTARTED];
+        was_restarted_ = true;
+    }
     state_ = State::converting;
     has_converted_ = false;  // edges before may belong to conversions that are still settling
     begin_conversion();
@@ -202,6 +205,7 @@ Station::Outcome Station::take(const Chip::Reading& reading, std::uint64_t befor
     frame.since_ns = now_ns - std::exchange(waited_ns_, 0);
     frame.device = device_;
     frame.lost = std::exchange(lost_, 0);
+    frame.restarted = std::exchange(was_restarted_, false);
     ++counts_[TACTILED_LINK_FRAMES];
     return Outcome::frame;
 }

@@ -70,7 +70,7 @@ private:
     std::uint64_t found_ = 0;
     bool is_hastened_ = false;  // the chip is due because of an edge
     bool has_edges_ = false;    // the line had an edge for the last conversion
-    bool was_set_up_ = false, has_converted_ = false, is_retry_ = false, is_wrong_ = false;
+    bool was_set_up_ = false, was_restarted_ = false, has_converted_ = false, is_retry_ = false, is_wrong_ = false;
 };
 
 }  // namespace tactiled

@@ -169,7 +169,6 @@ bool CanSamples::belongs_by_order(const CanDevice& device, Pending& pending, uns
 void CanSamples::begin(const CanDevice& device, Pending& pending) noexcept {
     pending.frame = Frame{};
     pending.frame.t_ns = arrival_.t_ns;
-    pending.frame.device_time_us = arrival_.device_time_us;
     pending.frame.device = device.device;
     pending.frame.n_channels = device.n_channels;
     pending.orphans = 0;

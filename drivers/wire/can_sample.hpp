@@ -47,7 +47,7 @@ struct CanDevice {
 struct CanArrival {
     std::uint32_t id = 0;  // with kCanExtended
     std::span<const std::uint8_t> bytes;
-    std::uint64_t t_ns = 0, device_time_us = 0;
+    std::uint64_t t_ns = 0;
 };
 
 class CanSamples {

@@ -7,6 +7,8 @@
 namespace tactiled {
 namespace {
 
+constexpr std::uint8_t kDigitBits = 4;
+
 // Reads all of the text as an unsigned number.
 bool read_digits(std::string_view text, int base, std::uint32_t& value) noexcept {
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value, base);
@@ -40,7 +42,7 @@ bool HexDecoder::read_line(std::string_view line, Frame& frame) noexcept {
     return format_.first != HexFormat::Digit::counter || count_on(digit, frame);
 }
 
-// A loss of ten frames in a row cannot be detected from one digit.
+// A loss of ten frames in a row cannot be detected from one digit. Two numbers differ by less than 2^kDigitBits.
 bool HexDecoder::count_on(unsigned digit, Frame& frame) noexcept {
     const std::uint32_t step = counted_ ? (digit + 10 - digit_) % 10 : 1;
     if (step == 0) {
@@ -52,6 +54,7 @@ bool HexDecoder::count_on(unsigned digit, Frame& frame) noexcept {
     counted_ = true;
     frame.sequence = counter_;
     frame.has_sequence = true;
+    frame.sequence_bits = kDigitBits;
     frame.lost = step - 1;
     counts_[TACTILED_LINK_LOST] += frame.lost;
     return true;

@@ -124,6 +124,12 @@ private:
     }
     [[nodiscard]] bool is_held() const noexcept { return x_ >= held_ns_; }
     [[nodiscard]] bool is_direct() const noexcept { return route_.path == Route::Path::direct; }
+    [[nodiscard]] bool is_limited(const Frame& frame) const noexcept {
+        return route_.path == Route::Path::polled ||
+               (is_direct() && !has_clock(frame) && !(frame.has_sequence && route_.is_assumed));
+    }
+    void judge_limited(Frame& frame, std::uint64_t host_ns, std::uint64_t waited_ns) noexcept;
+    void estimate(Frame& frame, std::uint64_t host_ns, std::uint64_t asked_ns, double waited_ns) noexcept;
     [[nodiscard]] double step_by_clock(const Frame& frame, double step_ns) noexcept;
     [[nodiscard]] double step_by_number(const Frame& frame, double step_ns) noexcept;
     [[nodiscard]] double frames_since(const Frame& frame) const noexcept;
@@ -310,19 +316,39 @@ inline void StreamAge::measure_interval(double delay_ns) noexcept {
     last_ = now;
 }
 
+// Takes a frame whose age its request or its cable limits. It needs no estimate, so whole numbers suffice.
+inline void StreamAge::judge_limited(Frame& frame, std::uint64_t host_ns, std::uint64_t waited_ns) noexcept {
+    const bool is_polled = route_.path == Route::Path::polled;
+    proof_ = is_polled ? Proof::polled : Proof::direct;
+    // A slice of the wait is no stop of this process, nor is the time that an answer may take.
+    const std::uint64_t usual_ns = is_polled ? std::uint64_t(kJitter_ns) : frame.slice_ns;
+    const std::uint64_t stopped_ns = waited_ns - std::min(waited_ns, usual_ns),
+                        stale_ns = std::uint64_t(std::int64_t(stale_ns_));
+    const std::uint64_t lag_ns = is_polled ? stopped_ns : waited_ns;
+    const bool is_within = lag_ns <= stale_ns, is_bounded = is_within || stopped_ns > stale_ns;
+    const std::uint64_t doubt_ns = is_bounded ? lag_ns - std::min(lag_ns, stale_ns / 2) : 0;
+    const std::uint64_t back_ns = std::max(stopped_ns, doubt_ns);
+    const std::uint64_t measured_ns = frame.taken_ns - std::min(frame.taken_ns, back_ns);
+    frame.late_ns = stopped_ns;
+    frame.bound_ns = double(std::int64_t(std::max(waited_ns, frame.taken_ns - frame.t_ns)));
+    frame.t_ns = std::max(std::min(frame.t_ns, measured_ns), std::min(t_ns_, frame.t_ns));
+    frame.age = is_bounded ? Frame::Age::proved : Frame::Age::unproved;
+    trouble_ns_ = is_within ? 0 : trouble_ns_ == 0 ? host_ns : trouble_ns_;
+}
+
 inline void StreamAge::judge(Frame& frame, std::uint64_t host_ns, std::uint64_t asked_ns) noexcept {
     if (frame.taken_ns < frame.t_ns) frame.taken_ns = frame.t_ns;
     // The process was stopped, and the bytes arrived at any time since then.
-    double waited_ns = frame.since_ns != 0 && frame.since_ns < frame.taken_ns ? double(frame.taken_ns - frame.since_ns) : 0;
+    const bool has_begin = frame.since_ns != 0 && frame.since_ns < frame.taken_ns;
+    const std::uint64_t waited_ns = has_begin ? frame.taken_ns - frame.since_ns : 0;
+    if (is_limited(frame))
+        judge_limited(frame, host_ns, waited_ns);
+    else
+        estimate(frame, host_ns, asked_ns, double(waited_ns));
+}
+
+inline void StreamAge::estimate(Frame& frame, std::uint64_t host_ns, std::uint64_t asked_ns, double waited_ns) noexcept {
     double stopped_ns = std::max(waited_ns - double(frame.slice_ns), 0.0);
-    const bool is_polled = route_.path == Route::Path::polled;
-    if (is_polled || (is_direct() && !has_clock(frame) && !(frame.has_sequence && route_.is_assumed))) {
-        proof_ = is_polled ? Proof::polled : Proof::direct;
-        if (is_polled) stopped_ns = std::max(waited_ns - kJitter_ns, 0.0);
-        publish(frame, host_ns, is_polled ? stopped_ns : waited_ns, stopped_ns);
-        frame.bound_ns = std::max(waited_ns, double(frame.taken_ns - frame.t_ns));
-        return;
-    }
     // Keeps the order: frames of one read have the same time, and each conversion to the host's clock has an error.
     if (has_frame_) host_ns = std::max(host_ns, host_ns_);
     const bool repeats = frame.has_sequence ? frame.sequence == sequence_

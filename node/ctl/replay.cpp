@@ -41,16 +41,20 @@ bool same(const double* a, const double* b, std::size_t n) { return std::memcmp(
 // Returns "" or the first part that differs. `raw_only`: the input of a tare or a filter is not in the file.
 // `from_the_start`: else the noise that the sd takes into account was measured on frames before those of the file.
 std::string difference(const tactiled_sample& was, const tactiled_sample& is, bool raw_only, bool from_the_start) {
-    const bool zero_lost = (was.reasons & TACTILED_ZERO_UNKNOWN) != 0;  // caused by a restart, which is not repeated here
+    // A restart that has lost the tare is not repeated here, nor is the tare that a calibration needs.
+    const bool zero_lost = ((was.reasons | is.reasons) & TACTILED_ZERO_UNKNOWN) != 0;
     const std::uint32_t of_the_moment = TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED | TACTILED_SENSORS_DIFFER |
                                         TACTILED_UNPROVED_AGE | TACTILED_ARRIVAL_ONLY | TACTILED_ZERO_UNKNOWN |
                                         (zero_lost ? std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY) : 0u);
+    // The motion before the file is not known here, nor how many values have left it.
+    const std::uint32_t of_the_past = from_the_start ? 0u : std::uint32_t(TACTILED_STEPPED | TACTILED_GLITCHES);
     // the frame was too late; a recording does not contain that of a frame
     if ((was.reasons & TACTILED_STALE) != 0) return "";
     // Comparisons with another sensor, or with the time of other frames, are not repeated here.
-    const bool compared = (was.reasons & (TACTILED_SENSORS_DIFFER | TACTILED_UNPROVED_AGE)) != 0;
+    const bool compared = (was.reasons & (TACTILED_SENSORS_DIFFER | TACTILED_UNPROVED_AGE)) != 0 ||
+                          ((was.reasons ^ is.reasons) & of_the_past) != 0;
     if (was.quality != is.quality && !compared && !zero_lost) return "quality";
-    if ((was.reasons & ~of_the_moment) != (is.reasons & ~of_the_moment)) return "reasons";
+    if (((was.reasons ^ is.reasons) & ~(of_the_moment | of_the_past)) != 0) return "reasons";
     if (was.missing != is.missing || was.saturated != is.saturated) return "channels";
     if (!same(was.raw_force_S_N, is.raw_force_S_N, 3)) return "raw_force_S_N";
     if (!same(was.raw_torque_S_Nm, is.raw_torque_S_Nm, 3)) return "raw_torque_S_Nm";

@@ -8,26 +8,18 @@ import argparse
 import concurrent.futures
 import os
 import pathlib
-import re
-import subprocess
+
+import counted
 
 METHODS = ("generic/matrix generic/quadratic generic/rbf table/linear table/matrix table/nonlinear table/map hair/sum_diff "
            "hair/matrix hair/physics capacitive/quadratic capacitive/ratio capacitive/overlap piezo/fused").split()
 SHORT, LONG = 1024, 17_408  # the set-up before them varies by half a million instructions
 
 
-def instructions(bench, method, level, samples, plant):
-    words = ["valgrind", "--tool=cachegrind", "--cachegrind-out-file=/dev/null", "--cache-sim=no", bench, "--only", method, "--level", level,
-             "--samples", str(samples), *(["--plant", plant] if plant else [])]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    found = re.search(r"I\s+refs:\s+([\d,]+)", done.stderr)
-    return int(found.group(1).replace(",", "")) if found and done.returncode == 0 else None
-
-
 def a_sample(bench, method, level, plant=""):
     """The count, or None if the method lacks the level."""
-    counts = [instructions(bench, method, level, samples, plant) for samples in (SHORT, LONG)]
-    return None if None in counts else (counts[1] - counts[0]) / (LONG - SHORT)
+    words = [bench, "--only", method, "--level", level, *(["--plant", plant] if plant else [])]
+    return counted.a_step(lambda samples: [*words, "--samples", samples], SHORT, LONG)
 
 
 def main():

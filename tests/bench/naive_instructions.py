@@ -5,26 +5,20 @@ the difference divided.
     naive_instructions.py [path of against_naive]
 """
 import pathlib
-import re
 import subprocess
 import sys
 import tempfile
 
+import counted
+
 BENCH = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "build/release/bin/against_naive").resolve()
 SHORT, LONG = 256, 512
-
-
-def instructions(folder, name, whose, samples):
-    out = subprocess.run(["valgrind", "--tool=cachegrind", "--cachegrind-out-file=/dev/null", "--cache-sim=no", BENCH, "--count", folder, name,
-                          whose, str(samples)], capture_output=True, text=True, check=True).stderr
-    return int(re.search(r"I\s+refs:\s+([\d,]+)", out).group(1).replace(",", ""))
-
 
 with tempfile.TemporaryDirectory() as folder:
     subprocess.run([BENCH, "--save", folder], check=True)
     print("| method | ours | naive | times |\n|---|---|---|---|")
     for path in sorted(pathlib.Path(folder).glob("*.toml")):
         name = path.stem.replace("-", "/")
-        ours, naive = ((instructions(folder, name, who, LONG) - instructions(folder, name, who, SHORT)) / (LONG - SHORT)
+        ours, naive = (counted.a_step(lambda samples: [BENCH, "--count", folder, name, who, samples], SHORT, LONG)
                        for who in ("ours", "naive"))
         print(f"| {name} | {ours:.0f} | {naive:.0f} | {naive / ours:.1f} |", flush=True)

@@ -8,9 +8,10 @@ by more than a fifth.
 import argparse
 import json
 import pathlib
-import re
 import subprocess
 import tempfile
+
+import counted
 
 arguments = argparse.ArgumentParser()
 arguments.add_argument("bench", nargs="?", default="build/release/bin/sim_bench")
@@ -57,14 +58,8 @@ ROUND = ("hertz_contact", "contact_patch")  # effects of a round body only; the 
 SENSORS = {"table": ('influence = "%s"' % (root / "config/calibration/table_influence.toml"), 0.8), "hair": ("", 0.04), "capacitive": ("", 6.0)}
 
 
-def count(effects, samples, scene):
-    out = subprocess.run(["valgrind", "--tool=cachegrind", "--cachegrind-out-file=/dev/null", "--cache-sim=no", str(BENCH), "--run", effects,
-                          str(samples), str(scene)], capture_output=True, text=True, check=True).stderr
-    return int(re.search(r"I\s+refs:\s+([\d,]+)", out).group(1).replace(",", ""))
-
-
 def a_sample(effects, scene):
-    return (count(effects, LONG, scene) - count(effects, SHORT, scene)) / (LONG - SHORT)
+    return counted.a_step(lambda samples: [BENCH, "--run", effects, samples, scene], SHORT, LONG)
 
 
 listed = json.loads(subprocess.run([BENCH.parent / "tactilectl", "simulate", "--list", "--json"], capture_output=True, text=True, check=True).stdout)

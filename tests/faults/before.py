@@ -14,7 +14,7 @@ import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-UNKNOWN = "path|zeros|accept_unproved_age|tare_after_restart|fault_clear_s"
+UNKNOWN = "path|zeros|accept_unproved_age|tare_after_restart|zero_after|fault_clear_s"
 XOR = '\n\ndef crc16(data):\n    total = 0\n    for byte in data:\n        total ^= byte\n    return total\n\n\n'
 
 

@@ -67,7 +67,7 @@ constexpr Fault kFaults[] = {
     on_devices<&Device::drops, 20>("frames lost by the device", 10),
     on_devices<&Device::repeats, 20>("frames sent twice", 10),
     on_devices<&Device::swaps, 20>("frames overtaken", 10),
-    {"the counter wraps", 93, Reach::link, 30, 0,
+    {"the counter jumps, then wraps", 93, Reach::link, 30, 0,
      [](World& w, unsigned l) { each(w, l, [](Device& d) { d.jump_to(d.is_text() ? 0xFFFFFFF0u : 0xFFF0u); }); }, nothing},
     {"the device restarts", 30, Reach::link, 30, 0,
      [](World& w, unsigned l) { each(w, l, [](Device& d) { d.jump_to(0); }); }, nothing},
@@ -86,7 +86,7 @@ constexpr Fault kFaults[] = {
     on_devices<&Device::zeros>("all zeros", 29, Reach::twin),
     on_devices<&Device::frozen>("frozen", 34),
     on_devices<&Device::saturate>("a channel at its rail", 35),
-    on_devices<&Device::spikes, 30>("single impossible steps", 36, Reach::twin),
+    on_devices<&Device::spikes, 30>("single impossible steps", 36, Reach::twin, 20'000),
     on_devices<&Device::nan>("NaN in the stream", 37),
     on_devices<&Device::missing>("a channel missing", 40),
     {"no sensor has power", 11, Reach::node, 30, 0,
@@ -137,8 +137,8 @@ bool is_one_of(const Fault& fault, std::initializer_list<std::string_view> names
 bool is_like_a_second_device(const Act& one, const Act& other) {
     return one.link == other.link &&
            (is_one_of(*one.fault, {"frames overtaken"}) || is_one_of(*other.fault, {"frames overtaken"})) &&
-           (is_one_of(*one.fault, {"the counter wraps", "the device restarts"}) ||
-            is_one_of(*other.fault, {"the counter wraps", "the device restarts"}));
+           (is_one_of(*one.fault, {"the counter jumps, then wraps", "the device restarts"}) ||
+            is_one_of(*other.fault, {"the counter jumps, then wraps", "the device restarts"}));
 }
 
 // Returns bit i: sensor i. `compared`: the result of a comparison stays while one of the two sensors has another
@@ -204,7 +204,7 @@ Findings run(std::uint64_t seed, const Fault* first, const Fault* second, const 
     world.run_ms(rest_ms);
     for (unsigned i = 0; i < kSensors; ++i)
         if (const tactiled_sample s = world.witness().latest(i);
-            s.quality != TACTILED_GOOD && !(i == kRecalibrated && (s.reasons & TACTILED_ZERO_UNKNOWN) != 0))
+            s.quality != TACTILED_GOOD && !Witness::needs_a_tare(i, world.device(i), s))
             world.findings().add(kNotRecovered, i, fmt::format("quality {}, reasons {:x}", s.quality, s.reasons));
     return world.findings();
 }

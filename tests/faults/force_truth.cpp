@@ -10,8 +10,9 @@ namespace tactiled::faults {
 namespace {
 
 constexpr double kExact_N = 1e-9;
-// A movement by less within a tare need not be detected: a tenth of a second of 10 frames, noise of 18 mN on each.
-constexpr int kSeen = 400;  // counts
+// A movement by less within a tare need not be detected: the means of its quarters may differ by 3 sd of 70 mN, and at twice
+// the rate the last frame is a fifth of one.
+constexpr int kSeen = 3 * 70 * 5;  // counts
 // 15 time constants of a low pass of 25 Hz, after which the past has no influence
 constexpr std::uint64_t kMemoryNs = 60 * kMs;
 constexpr double kForgotten_N = 0.002, kForgotten = 2e-5;  // relative to its possible value, a saturated 8389 N
@@ -37,7 +38,7 @@ void ForceTruth::missed(bool another_daemon) noexcept {
 std::string ForceTruth::judge(const tactiled_sample& s, bool is_measured) {
     std::array<double, kChannels> force_N;
     std::copy_n(s.raw_force_S_N, kChannels, force_N.begin());
-    if (begin_ns_ != 0 && s.t_ns >= begin_ns_) {
+    if (begin_ns_ != 0 && s.t_ns >= begin_ns_ && (s.reasons & TACTILED_STEPPED) == 0) {
         for (unsigned k = 0; k < kChannels; ++k) {
             const int level = level_of(sensor_, s.device_sequence, k);
             min_[k] = samples_ == 0 ? level : std::min(min_[k], level);
@@ -52,13 +53,15 @@ std::string ForceTruth::judge(const tactiled_sample& s, bool is_measured) {
         wrong = new_zero(s);
         window_.clear();
     }
-    // A doubtful value must not contribute to a GOOD one.
+    // A doubtful value must not contribute to a GOOD one. A low pass waits while a value is not confirmed.
+    const bool waits = (s.state & TACTILED_LOW_PASS) != 0 && (s.reasons & TACTILED_STEPPED) != 0;
     if (s.epoch != std::exchange(epoch_, s.epoch) || (s.quality == TACTILED_GOOD && before_ != TACTILED_GOOD))
         window_.clear();
-    before_ = s.quality;
+    if (!waits) before_ = s.quality;
     for (unsigned k = 0; k < kChannels; ++k) force_N[k] -= zero_N_[k];
-    window_.push_back({s.t_ns, force_N});
-    while (s.t_ns - window_.front().t_ns > kMemoryNs) window_.pop_front();
+    if (!waits) window_.push_back({s.t_ns, force_N});
+    while (window_.size() > 1 && s.t_ns - window_[1].t_ns > kMemoryNs) window_.pop_front();  // it goes straight to the next
+    if (waits && std::abs(s.force_S_N[0] - force_N[0]) <= kExact_N) return wrong;            // it waits for its first one
     if ((s.state & TACTILED_LOW_PASS) != 0) return wrong.empty() ? low_passed(s) : wrong;
     for (unsigned k = 0; k < kChannels && wrong.empty(); ++k)
         if (std::abs(s.force_S_N[k] - force_N[k]) > kExact_N)

@@ -40,7 +40,7 @@ std::string row(const Witness::Registers& now, std::uint16_t lost_before, std::u
 constexpr const char* kIntro = R"(# What your PLC reads in each fault
 
 Made by `world_test` in the simulated world (README.md), with the real register server; a test holds this page to it. Four sensors at 250 Hz with
-`stale_ms = 20`, `frozen_after = 10`, `slew_limit_per_s`, `rate_Hz = 250`; each fault lasts 1.5 s and strikes the link of sensor 0, or the node. Read
+`stale_ms = 20`, `frozen_after = 10`, `rate_Hz = 250`; each fault lasts 1.5 s and strikes the link of sensor 0, or the node. Read
 right before its end, and 2.3 s after it. Addresses of sensor 0: STATUS 101, FAULT 102, FX 104 (0.01 N), AGE_MS 103, LOST 122 (what was added), RATE
 121. Of the node: STATUS 7, FAULT 8 (latched until CLEAR_LATCH), WARN 9, OK 10, HEARTBEAT 5 (over the last 300 ms). What each bit means: [MAP.md](../../node/modbus/MAP.md).
 

@@ -53,7 +53,6 @@ model = "generic"
 calibration = "{{folder}}/unit.toml"
 stale_ms = {stale}
 frozen_after = {frozen}
-slew_limit_per_s = 1e5
 rate_Hz = {rate}
 saturates_at = [-8388608, 8388607]
 """

@@ -158,9 +158,11 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
     }
     tactiled_sample& before = last_value_[i];
     const bool comparable = before.quality != TACTILED_NO_VALUE;
-    const bool first_of_a_stream = !comparable || s.epoch != before.epoch;
-    // The frame between two spikes may be lost: a step that persists is a level.
-    const bool first_of_a_level = std::exchange(was_a_spike_[i], device.truth(s.device_sequence).spike) || first_of_a_stream;
+    // The frame between two spikes may be lost: a step that is seen twice in a row is a level until its end is seen. So is
+    // one at the begin of a stream.
+    const bool spike = device.truth(s.device_sequence).spike, again = std::exchange(was_a_spike_[i], spike) == spike;
+    if (spike && (again || !comparable || s.epoch != before.epoch)) spikes_are_a_level_[i] = true;
+    if (!spike && again && s.quality == TACTILED_GOOD) spikes_are_a_level_[i] = false;
     if (std::exchange(broken_[i], false) && comparable && s.epoch == before.epoch)
         findings_.add(kUnmarkedDiscontinuity, i, fmt::format("epoch {:x} before and after", s.epoch));
     const bool jumped = before.t_ns <= device.jumped_ns + kHeldNs && device.jumped_ns <= s.t_ns;
@@ -193,18 +195,17 @@ void Witness::judge(unsigned i, const Device& device, const tactiled_sample& s) 
     ++findings_.good;
     for (unsigned k = 0; k < kChannels; ++k)
         if (!is_force_of(i, s.device_sequence, k, s.raw_force_S_N[k]) && !is_of_the_gain_before(i, s, k)) {
-            if (may_be_unseen(i, device, truth, s.t_ns, first_of_a_level)) return;
+            if (may_be_unseen(i, device, truth, s.t_ns)) return;
             return findings_.add(kWrongValue, i,
                                  fmt::format("{} N of frame {}, channel {}", s.raw_force_S_N[k], s.device_sequence, k));
         }
 }
 
-// A step is not detected in the first reading of a level; a repetition is detected after frozen_after readings, each
+// A step is detected in its first reading; a repetition is detected after frozen_after readings, each
 // time that a daemon restarts; a fault that only the other sensor of the pair can show is detected while that one can
 // be compared.
-bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Truth& truth, std::uint64_t t_ns,
-                            bool first_of_a_level) {
-    if (truth.spike) return first_of_a_level;
+bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Truth& truth, std::uint64_t t_ns) {
+    if (truth.spike) return spikes_are_a_level_[i];
     if (truth.undetected == 0) return false;
     if (unseen_[i].undetected != truth.undetected) unseen_[i] = {truth.undetected, 0, truth.beside ? doubtful_[1 - i] : 0};
     unsigned incomparable = 0;
@@ -222,12 +223,15 @@ bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Trut
     return ++unseen_[i].readings <= may_be;
 }
 
+// A tare is lost with its calibration; and nobody knows which one of two devices has remained.
+bool Witness::needs_a_tare(unsigned i, const Device& device, const tactiled_sample& s) {
+    return (i == kRecalibrated || device.doubled_ns != 0) && (s.reasons & TACTILED_ZERO_UNKNOWN) != 0;
+}
+
 void Witness::look_at_latest(unsigned i, const Device& device, const Expectation& expected) {
     const tactiled_sample s = readers_[i].latest();
     if (s.quality != TACTILED_GOOD) {
-        // A tare is lost with its calibration, and doubtful until the next one.
-        const bool lost_its_tare = i == kRecalibrated && (s.reasons & TACTILED_ZERO_UNKNOWN) != 0;
-        if (!expected.may_suffer[i] && !lost_its_tare)
+        if (!expected.may_suffer[i] && !needs_a_tare(i, device, s))
             findings_.add(kFalseAlarm, i, fmt::format("quality {}, reasons {:x}", s.quality, s.reasons));
         if (s.quality == TACTILED_BAD && !std::isnan(s.force_S_N[0])) findings_.add(kNoSentinel, i, "latest()");
         return;

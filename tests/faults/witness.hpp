@@ -77,11 +77,13 @@ public:
 
     bool follows = true;  // false: this reader is stopped
 
+    // True while this sample may be doubted although no fault lasts.
+    [[nodiscard]] static bool needs_a_tare(unsigned sensor, const Device& device, const tactiled_sample& s);
+
 private:
     void follow(unsigned sensor, const Device& device);
     void judge(unsigned sensor, const Device& device, const tactiled_sample& s);
-    [[nodiscard]] bool may_be_unseen(unsigned sensor, const Device& device, const Device::Truth& truth, std::uint64_t t_ns,
-                                     bool first_of_a_level);
+    [[nodiscard]] bool may_be_unseen(unsigned sensor, const Device& device, const Device::Truth& truth, std::uint64_t t_ns);
     void look_at_latest(unsigned sensor, const Device& device, const Expectation& expected);
     void look_at_registers(const std::array<Device*, kSensors>& devices, const Expectation& expected);
     void look_at_grasp();
@@ -115,7 +117,8 @@ private:
     std::array<Unseen, kSensors> unseen_{};      // state of the present run of wrong values
     std::array<unsigned, kSensors> doubtful_{};  // number of records without a comparison
     std::array<bool, kSensors> was_a_spike_{};   // the record before
-    bool is_up_to_date_ = true;                  // all records were read except those of this cycle
+    std::array<bool, kSensors> spikes_are_a_level_{};
+    bool is_up_to_date_ = true;  // all records were read except those of this cycle
     tactiled_node node_{};
     std::uint32_t node_epoch_ = 0;
     std::uint64_t doubtful_until_ns_ = 0;  // a jaw was doubtful, and its weight is a mean

@@ -26,7 +26,7 @@ void write_calibration(const std::string& name, double gain, unsigned sensor) {
     std::ofstream(folder() + "/" + name) << fmt::format(
         "format = 1\nmodel = \"generic\"\nmethod = \"matrix\"\nchannels = [\"a\", \"b\", \"c\"]\n"
         "channel_unit = \"counts\"\nzero = [{}.0, {}.0, {}.0]\ncomponents = [\"fx\", \"fy\", \"fz\"]\n"
-        "matrix = [[{}, 0.0, 0.0], [0.0, {}, 0.0], [0.0, 0.0, {}]]\nsd = [0.01, 0.01, 0.01]\n"
+        "matrix = [[{}, 0.0, 0.0], [0.0, {}, 0.0], [0.0, 0.0, {}]]\nsd = [0.07, 0.07, 0.07]\n"
         "full_scale = [500.0, 500.0, 500.0]\n",
         zero(0), zero(1), zero(2), gain, gain, gain);
 }
@@ -48,7 +48,7 @@ std::string World::write_configuration() const {
         write_calibration(file, i == kRecalibrated ? knobs_.gain_N() : kN_per_count, i);
         text += fmt::format(
             "[[sensor]]\nname = \"s{}\"\nlink = \"l{}\"\ndevice = {}\nmodel = \"generic\"\ncalibration = \"{}\"\n"
-            "stale_ms = {}\nfrozen_after = {}\nslew_limit_per_s = 1e5\nrate_Hz = 250\nsaturates_at = [-8388608, 8388607]\n",
+            "stale_ms = {}\nfrozen_after = {}\nrate_Hz = 250\nsaturates_at = [-8388608, 8388607]\n",
             i, World::link_of(i), i == 3 ? 1 : 0, file, kStaleMs, kFrozenAfter);
         if (i == 0) text += fmt::format("agrees_with = \"s1\"\nagree_N = 45\nagree_ms = {}\n", kAgreeMs);
         if (i == 1) text += fmt::format("filter_hz = {}\n", knobs_.filter_Hz);

@@ -51,7 +51,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         std::array<std::uint8_t, 8> bytes{};
         for (unsigned k = 0; k < 4; ++k) bytes[(at_end ? 4 : 0) + k] = std::uint8_t(n >> 8 * k);
         if (given != 0 && (n <= last || n - last >= half)) ++disorder;
-        samples.take({0x100 + part, bytes, t_ns, 0});
+        samples.take({0x100 + part, bytes, t_ns});
         if (!samples.next(frame)) return false;
         for (unsigned k = 0; k < parts; ++k) check(frame.channel[k] == double(n));
         const bool contested = frame.n_channels == 0;  // by a second device under the name, as it seems

@@ -76,7 +76,7 @@ void assemble(const Dbc& dbc, std::span<const std::uint8_t> seed) {
     for (std::size_t k = 0; k + 1 < seed.size(); k += 2) {
         t_ns += seed[k + 1];
         const auto bytes = seed.subspan(k, std::min<std::size_t>(kCanMaxBytes, seed.size() - k));
-        samples.take({parts[seed[k] % parts.size()].id, bytes, t_ns, 0});
+        samples.take({parts[seed[k] % parts.size()].id, bytes, t_ns});
         while (samples.next(frame)) {
             ++frames;
             check(frame.n_channels == device.n_channels && frame.t_ns <= t_ns && frame.t_ns + device.window_ns >= t_ns);

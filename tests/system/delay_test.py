@@ -46,7 +46,7 @@ class Chain:
             source = f"tty:{name}" if sink == "pty" else f"tcp:{name}"
         driver = f'driver = "uart"\ndevice = "{name}"' if sink == "pty" else f'driver = "tcp"\naddress = "{name}"'
         keys += f"\nsequence = {str('sequence' in fields).lower()}\ntime_us = {str('clock' in fields).lower()}"
-        self.daemon = Daemon(SENSOR.format(driver=driver, keys=keys, sensor="").replace("rate_Hz = 100", f"rate_Hz = {rate}"), env=env)
+        self.daemon = Daemon(SENSOR.format(driver=driver, keys=keys, sensor='zero_after = "keep"').replace("rate_Hz = 100", f"rate_Hz = {rate}"), env=env)
         (self.daemon.folder / "unit.toml").write_text(CALIBRATION)
 
     def tell(self, command, stage=0):
@@ -257,6 +257,47 @@ class GrowingQueues(Witnessed):
             for queue, one in zip(self.QUEUES, seen):
                 # Numbers do not show delays below stale_ms (drivers/wire/freshness.md).
                 self.assert_young((one[0] - STALE_MS * ("clock" not in queue[0]), one[1]), queue)
+
+
+@unittest.skipUnless("STALLS" in os.environ, "a longer run: STALLS=10")
+class Stalls(Witnessed):
+    """Device, gateway and daemon stand still at random times, beside twenty busy processes, for 30 s."""
+
+    PATHS = [("sequence+clock", "tcp:127.0.0.1", ""), ("clock", "tcp:127.0.0.1", ""), ("sequence", "tcp:127.0.0.1", ""),
+             ("clock", "pty", 'path = "direct"')]
+
+    def stall(self, chain, end_s):
+        while time.monotonic() < end_s:
+            length_s = RANDOM.choice((0.05, 0.2, 0.8)) * RANDOM.uniform(0.5, 1.5)
+            where = RANDOM.choice(("device", "gateway", "daemon"))
+            if where == "daemon":
+                chain.daemon.process.send_signal(signal.SIGSTOP)
+                time.sleep(length_s)
+                chain.daemon.process.send_signal(signal.SIGCONT)
+            else:
+                chain.tell(f"pause {length_s}" if where == "device" else f"hold {length_s}", int(where == "gateway"))
+            time.sleep(RANDOM.uniform(0.2, 2))
+
+    def test_each_stream_is_good_again_within_10_s(self):
+        for round_ in range(int(os.environ["STALLS"])):
+            with contextlib.ExitStack() as stack:
+                chains = [Chain(fields, ["tcp:127.0.0.1", end], keys) for fields, end, keys in self.PATHS]
+                of_each(chains, stack.enter_context)
+                with contextlib.ExitStack() as busy, concurrent.futures.ThreadPoolExecutor(len(chains)) as pool:
+                    for _ in range(20):
+                        process = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+                        busy.callback(process.wait)
+                        busy.callback(process.kill)
+                    end_s = time.monotonic() + 30
+                    stalls = [pool.submit(self.stall, chain, end_s) for chain in chains]
+                    seen = of_each(chains, lambda chain: chain.watch(30, every_s=0.01))
+                    for one in stalls:
+                        one.result()
+                begun_s = time.monotonic()
+                good_s = of_each(chains, lambda chain: wait_for(lambda: chain.quality() == tactiled.GOOD, 10, "GOOD again")
+                                 or time.monotonic() - begun_s)
+                for path, one, after_s in zip(self.PATHS, seen, good_s):
+                    print(round_, *path[:2], f"oldest GOOD {one[0]:.0f} ms, GOOD again after {after_s:.1f} s", sep="; ", flush=True)
 
 
 @longer

@@ -97,9 +97,12 @@ class Held:
         wait_for(lambda: self.starts() > before, 10, "the start")  # a daemon that was killed leaves its segment
         self.settle()
 
-    def restart(self, number=signal.SIGTERM):
+    def restart(self, number=signal.SIGTERM, then_N=None):
+        """then_N: the force from the end on."""
         self.daemon.process.send_signal(number)
         self.daemon.process.wait(timeout=10)
+        if then_N is not None:
+            self.device.force_N = [0.0, 0.0, then_N]
         self.start()
 
     def press(self, force_N):

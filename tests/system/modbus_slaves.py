@@ -146,7 +146,8 @@ class Hostile(threading.Thread):
         what = self.choose()
         self.done[what] = self.done.get(what, 0) + 1
         self.n += 1
-        good = [self.n % 8, -(self.n % 8), 1]
+        step = self.n // 32 % 8  # a force rests between steps
+        good = [step, -step, 1]
         values = (good if what in ("good", "noise", "slow", "twice") else [9, 9, 9]) + [9] * 200
         unit = 2 if what == "unit" else 1
         body = bytes([unit, 3, 2 * count]) + struct.pack(f">{count}h", *values[:count])

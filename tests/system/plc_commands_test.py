@@ -52,7 +52,7 @@ class Cyclic(threading.Thread):
 
 class CyclicPlc(unittest.TestCase):
     def test_its_last_tare_does_not_run_again_when_the_daemon_restarts_under_a_load(self):
-        for more in ("", 'tare_after_restart = "forget"\n'):
+        for more in ("", 'zero_after = "forget"\n'):
             with Held(more + "tare_limit_N = 0\n") as held:
                 plc = Cyclic(held.plc())
                 self.addCleanup(plc.stop)

@@ -218,7 +218,8 @@ class Device(threading.Thread):
             with contextlib.suppress(BlockingIOError):
                 client = self.listener.accept()[0]
             try:
-                client.sendall(b"%d %d %d %d\n" % (sequence, sequence % 2, sequence % 3, sequence % 5))
+                step = sequence // 200  # at rest between them
+                client.sendall(b"%d %d %d %d\n" % (sequence, step % 2, step % 3, step % 5))
             except OSError:
                 client = None
             sequence += 1

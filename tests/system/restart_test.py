@@ -14,7 +14,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from daemon import BIN  # noqa: E402
 from held_force import Held, wait_for  # noqa: E402
 
-FORGET = 'tare_after_restart = "forget"\n'
+FORGET = 'zero_after = "forget"\n'
 ENDS = (signal.SIGTERM, signal.SIGKILL)
 FAULT, ZERO_UNKNOWN = 102, 22  # FAULT: the register and its number
 MOUNTING_N = -10.0  # reading without a load, after the sensor was mounted
@@ -33,6 +33,19 @@ class Restart(unittest.TestCase):
                     self.assertEqual(quality, "good")
                     self.assertAlmostEqual(force_N, load_N, delta=0.02)
                     self.assertEqual(held.sample()["tare_count"], 1)
+
+    def test_a_zero_is_doubted_if_the_force_has_changed_during_the_restart(self):
+        for more, quality in (("", "uncertain"), ('zero_after = "keep"\n', "good")):
+            with Held(more) as held:
+                held.press(MOUNTING_N)
+                self.assertEqual(held.daemon.ctl("tare", "left").returncode, 0)
+                for end in ENDS:
+                    held.press(MOUNTING_N - 20)
+                    held.restart(end, then_N=MOUNTING_N - 15)
+                    self.assertEqual(held.read_force()[0].split(":")[0], quality)
+                    self.assertEqual("zero-unknown" in held.read_force()[0], quality != "good")
+                    held.press(MOUNTING_N)
+                    self.assertEqual(held.daemon.ctl("tare", "left").returncode, 0)
 
     def test_with_forget_a_tared_sensor_is_uncertain_until_it_is_tared_again(self):
         with Held(FORGET) as held:

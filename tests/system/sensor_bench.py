@@ -157,12 +157,12 @@ class Bench:
         wait_for(lambda: self.plc.ok_mask() == (1 << len(self.number)) - 1, 5, "all to be GOOD")
 
     def apply(self, loads):
-        """Returns when shared memory has frames of these loads."""
+        """Returns when shared memory has two frames of these loads: the second one confirms a step."""
         with self.feeder.lock:
             self.feeder.load.update({name: {**self.sensors[name].rest(), **load} for name, load in loads.items()})
             first = {name: self.feeder.sequence[name] for name in loads}
         for name in loads:
-            wait_for(lambda: self.node.latest(name).device_sequence > first[name], 5, f"frames of {name}")
+            wait_for(lambda: self.node.latest(name).device_sequence > first[name] + 1, 5, f"frames of {name}")
 
     def block(self, name):
         return self.plc.block(self.number[name])

@@ -70,7 +70,7 @@ enum tactiled_reason {
     TACTILED_UNKNOWN_UNCERTAINTY = 1 << 13, /* the standard deviation is unknown here: NaN */
     /* Since 1.3: */
     TACTILED_FROZEN = 1 << 14,     /* a channel repeats one number, without noise; that channel has no value */
-    TACTILED_STEPPED = 1 << 15,    /* a channel has changed faster than slew_limit_per_s since the frame before */
+    TACTILED_STEPPED = 1 << 15,    /* the value has left the motion before, and the next one has not confirmed it yet */
     TACTILED_IDLE_BUS = 1 << 16,   /* all channels read all zeros or all ones: no device answers */
     TACTILED_WRONG_RATE = 1 << 17, /* the measured rate is not the declared rate_Hz; the value is valid and may be GOOD */
     TACTILED_DRIFTED = 1 << 18,    /* the zero at rest has moved by drift_limit_N: tare the sensor; the value may be GOOD */
@@ -79,7 +79,9 @@ enum tactiled_reason {
     /* Since 1.5: */
     TACTILED_UNPROVED_AGE = 1 << 20, /* the value may be older than it seems: frames were delayed, or the device paused */
     TACTILED_ARRIVAL_ONLY = 1 << 21, /* no clock and no counter would show a delay; the value may be GOOD */
-    TACTILED_ZERO_UNKNOWN = 1 << 22  /* a restart or a reload has lost the tare that was in force: tare again, or untare */
+    TACTILED_ZERO_UNKNOWN = 1 << 22, /* the tare in force was lost, or the calibration needs one: tare it */
+    /* Since 1.8: */
+    TACTILED_GLITCHES = 1 << 23 /* more than 1 % of the values of 10 s, and more than 2, were wrong for one sample */
 };
 
 /* ---- verdict ----
@@ -133,12 +135,15 @@ enum tactiled_use {
       "its age is not proved: frames were delayed, or the device paused",                                                   \
       "let the device send its time and answer echo = true, or write path = \"direct\" in its [[link]] for a real cable; "  \
       "over TCP wait for the next opening")                                                                                 \
-    X(STEPPED, "stepped", TACTILED_UNCERTAIN, 18, "STEPPED", 0, "a channel has changed faster than it can",                 \
-      "check for a loose wire, or raise slew_limit_per_s")                                                                  \
+    X(STEPPED, "stepped", TACTILED_UNCERTAIN, 18, "STEPPED", TACTILED_FOR_ZERO, "a jump that the next value must confirm",  \
+      "none for one sample; often: check the wires, the shield and the supply")                                             \
+    X(GLITCHES, "glitches", TACTILED_UNCERTAIN, 23, "GLITCHES", TACTILED_ZC_, "single wrong values, more than 1 % of them", \
+      "check the wires, the shield and the supply; ask a device no faster than it measures")                                \
     X(OUTSIDE_DOMAIN, "outside-domain", TACTILED_UNCERTAIN, 11, "OUTSIDE_DOMAIN", TACTILED_FOR_ZERO | TACTILED_FOR_WEIGHT,  \
       "outside the calibrated domain", "reduce the load, or declare the temperature (tactilectl check has the line)")       \
     X(ZERO_UNKNOWN, "zero-unknown", TACTILED_UNCERTAIN, 22, "ZERO_UNKNOWN", TACTILED_FOR_ZERO,                              \
-      "zero unknown: a restart or a reload has lost the tare", "tare without a load, or untare")                            \
+      "zero unknown: its tare was lost, its calibration needs one, or the device may have started again",                   \
+      "tare it without a load")                                                                                             \
     X(UNKNOWN_UNCERTAINTY, "sd-unknown", TACTILED_UNCERTAIN, 12, "NO_UNCERTAINTY", TACTILED_ZC_ | TACTILED_FOR_WEIGHT,      \
       "uncertainty unknown", "see its other reasons, or calibrate with loads that determine the uncertainty")               \
     X(READER_OVERRUN, "reader-overrun", TACTILED_BAD, 13, "OVERRUN", 0, "internal: read overrun", "read again")             \

@@ -49,13 +49,12 @@ TEST(Config, HasDefaults) {
     EXPECT_EQ(s.stale_ms, 100);
     EXPECT_EQ(s.frozen_after, -1);  // by the calibration or the driver
     EXPECT_EQ(s.delay_ms, -1);
-    EXPECT_EQ(s.slew_limit_per_s, std::numeric_limits<double>::infinity());
     EXPECT_EQ(s.rate_Hz, 0.0);
     EXPECT_EQ(s.rate_tolerance, 0.2);
     EXPECT_EQ(s.drift_limit_N, 0.0);
     EXPECT_EQ(s.tare_ms, 100);
     EXPECT_EQ(s.tare_limit_N, -1.0);
-    EXPECT_EQ(s.tare_after_restart, "restore");
+    EXPECT_EQ(s.zero_after, "doubt");
     EXPECT_EQ(s.pair, PairSettings{.agree_ms = 100});
 }
 
@@ -69,7 +68,7 @@ TEST(Config, ReadsEveryKey) {
         "'s'\nlink = 'l'\n"
         "device = 65535\nchannels = ['a', '-', '-']\ncounts_per_unit = 0.5\nsaturates_at = [-2, 3]\nmodel = "
         "'m'\ncalibration = '/c'\n"
-        "method = 'x'\nstale_ms = 1\ntare_ms = 10000\nfrozen_after = 2\nslew_limit_per_s = 3.5\nrate_Hz = 4\nrate_tolerance "
+        "method = 'x'\nstale_ms = 1\ntare_ms = 10000\nfrozen_after = 2\nrate_Hz = 4\nrate_tolerance "
         "= 0.5\n"
         "drift_limit_N = 0.25\ntare_limit_N = 1.5\n");
     EXPECT_EQ(loaded.lines(), Lines{});
@@ -105,7 +104,6 @@ TEST(Config, ReadsEveryKey) {
     EXPECT_EQ(s.method, "x");
     EXPECT_EQ(s.stale_ms, 1);
     EXPECT_EQ(s.frozen_after, 2);
-    EXPECT_EQ(s.slew_limit_per_s, 3.5);
     EXPECT_EQ(s.rate_Hz, 4.0);
     EXPECT_EQ(s.rate_tolerance, 0.5);
     EXPECT_EQ(s.drift_limit_N, 0.25);
@@ -123,6 +121,13 @@ TEST(Config, LeavesTheDriversKeysToTheDriver) {
     EXPECT_EQ(copy.sensors[0].options.number("filter_Hz", {0, 10}), 5);
     copy.root.finish();
     EXPECT_EQ(loaded.lines(), Lines{"t.toml:5: link \"usb0\": unknown key \"devcie\"; did you mean \"device\"?"});
+}
+
+TEST(Config, NamesWhatReplacesAKeyThatWasRemoved) {
+    Loaded loaded(std::string(kLink) + kSensor + "slew_limit_per_s = 1\n");
+    loaded.config.root.finish();
+    EXPECT_EQ(loaded.lines(), Lines{"t.toml:9: sensor \"left\": \"slew_limit_per_s\" was removed; jumps are found without a "
+                                    "limit: delete the line"});
 }
 
 TEST(Config, RefusesWhatIsOutOfRange) {
@@ -146,7 +151,6 @@ TEST(Config, RefusesWhatIsOutOfRange) {
         {"device = 65536", "is outside 0 .. 65535"},
         {"stale_ms = 0", "is outside 1 .. 10000"},
         {"frozen_after = 1", "is no number of equal readings; 0 = off, else 2 or more"},
-        {"slew_limit_per_s = 0", "is outside 1e-300 .. 1e+300"},
         {"stale_ms = 10001", "is outside 1 .. 10000"},
         {"tare_ms = 0", "is outside 1 .. 10000"},
         {"tare_ms = 10001", "is outside 1 .. 10000"},

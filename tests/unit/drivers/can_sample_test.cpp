@@ -47,7 +47,7 @@ public:
         send_bytes(id, {bytes, size});
     }
     void send_bytes(std::uint32_t id, std::span<const std::uint8_t> bytes) {
-        samples.take({id, bytes, now_ns, now_ns / 1000});
+        samples.take({id, bytes, now_ns});
         for (Frame frame; samples.next(frame);) frames.push_back(frame);
     }
     // Sends the three messages of a sample, except those whose letter is "-".
@@ -77,7 +77,6 @@ TEST(CanSamples, AMessageThatHoldsAllIsAFrame) {
     EXPECT_EQ(bus.frames[0].n_channels, 1);
     EXPECT_EQ(bus.frames[0].channel[0], 1234);
     EXPECT_EQ(bus.frames[0].t_ns, bus.now_ns);
-    EXPECT_EQ(bus.frames[0].device_time_us, bus.now_ns / 1000);
     EXPECT_FALSE(bus.frames[0].has_sequence);
     EXPECT_EQ(bus.counts[TACTILED_LINK_FRAMES], 1u);
     EXPECT_EQ(bus.counts[TACTILED_LINK_BYTES], 3u);

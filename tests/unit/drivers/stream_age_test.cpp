@@ -385,6 +385,22 @@ TEST(StreamAge, ACableBoundsTheDelayAndADeviceOnItMayPause) {
     }
 }
 
+// Its bytes may have come at any time of the wait, and no stop of the process shows when.
+TEST(StreamAge, AFrameOfACableAfterAWaitLongerThanStaleMsIsNotProved) {
+    Device device({.path = Path::direct}, false, false);
+    device.run(100);
+    for (const std::uint64_t waited_ms : {60u, 250u}) {
+        Frame frame;
+        frame.t_ns = frame.taken_ns = device.measured_ns + 930 * kMs;
+        frame.since_ns = frame.taken_ns - waited_ms * kMs;
+        frame.slice_ns = 250 * kMs;  // an ordinary wait
+        device.age.judge(frame, frame.taken_ns);
+        EXPECT_EQ(frame.age, waited_ms == 60 ? Age::proved : Age::unproved) << waited_ms;
+        EXPECT_EQ(frame.late_ns, 0u) << waited_ms;
+        EXPECT_EQ(frame.bound_ns, double(waited_ms * kMs)) << waited_ms;
+    }
+}
+
 TEST(StreamAge, ShortPausesOfADeviceWithoutAClockAreNoLagOfAPortOfThisMachine) {
     Device device({.path = Path::direct, .is_assumed = true}, false);
     for (int i = 0; i < 10'000; ++i) ASSERT_EQ(device.next(1, i % 500 == 499 ? 50 : 10).age, Age::proved) << i;

@@ -108,7 +108,7 @@ TEST(Agreement, ASensorInDoubtKeepsItsLowPass) {
     setup.frame_channels = 3;
     setup.tuning.filter_hz = 5;
     setup.tuning.pair = {1, 1, 10};
-    setup.decoupler = std::make_unique<Through>();
+    setup.decoupler = std::make_unique<Through>(INFINITY, kNaN);
     Sensor sensor(std::move(setup));
     sensor.start(7, 0);
     for (unsigned ms = 1; ms <= 1000; ++ms) {

@@ -48,7 +48,11 @@ TEST(Sensor, ATareNeedsATrustworthyValueAllAlong) {
 }
 
 TEST(Sensor, AZeroOfValuesOfUnknownUncertaintyIsUncertainUntilTheNextTare) {
-    Sensor sensor = make();
+    Sensor sensor = make(1, Through::kSd_N);
+    const auto at_rest = [&](std::uint64_t at) {
+        (void)sensor.sample(frame((at - 1) * kMs, 0, 0, 0), (at - 1) * kMs);
+        return sensor.sample(frame(at * kMs, 0, 0, 0), at * kMs);
+    };
     const auto tare = [&](std::uint64_t at, std::uint64_t unsure) {
         (void)sensor.sample(frame(at * kMs, 0, 0, 0), at * kMs);
         ASSERT_TRUE(sensor.can_tare());
@@ -58,14 +62,14 @@ TEST(Sensor, AZeroOfValuesOfUnknownUncertaintyIsUncertainUntilTheNextTare) {
         ASSERT_EQ(sensor.poll_tare((at + 100) * kMs), Sensor::Tare::done);
     };
     tare(10, 5);
-    auto s = sensor.sample(frame(200 * kMs, 0, 0, 0), 200 * kMs);
+    const auto s = at_rest(200);
     EXPECT_EQ(s.quality, unsigned(TACTILED_UNCERTAIN));
     EXPECT_TRUE(std::isnan(s.sd_force_N[1]));
     tare(300, 0);
-    EXPECT_EQ(sensor.sample(frame(500 * kMs, 0, 0, 0), 500 * kMs).quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(at_rest(500).quality, unsigned(TACTILED_GOOD));
     tare(600, 5);
     sensor.begin_untare();
-    EXPECT_EQ(sensor.sample(frame(801 * kMs, 0, 0, 0), 801 * kMs).quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(at_rest(802).quality, unsigned(TACTILED_GOOD));
 }
 
 TEST(Sensor, ATareOfASilentSensorFails) {
@@ -107,7 +111,7 @@ TEST(Sensor, AStreamWithoutClockAndCounterIsTaredWhereTheUserAcceptsIt) {
     setup.channel_of_frame = {0, 1, 2};
     setup.frame_channels = 3;
     setup.tuning.accept_unproved_age = true;
-    setup.decoupler = std::make_unique<Through>(100);
+    setup.decoupler = std::make_unique<Through>(100, kNaN);
     Sensor sensor(std::move(setup));
     sensor.start(7, 0);
     Frame f = frame(kMs, 1, 2, 3);

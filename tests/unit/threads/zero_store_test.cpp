@@ -53,18 +53,20 @@ protected:
         return number != 0 && store.is_usable();
     }
     // Runs once, tares at -20 N and ends.
-    void run_and_tare() {
+    void run_and_tare(bool is_killed = false) {
         ZeroStore store({path_, path_}, {owner()});
         auto before = sensors();
         tare(before[0], -20);
         EXPECT_TRUE(keep(store, before[0]));
+        if (!is_killed) store.keep_last(before);
     }
-    // Returns the first sample of the next run, at -20 N.
-    tactiled_sample after(const ZeroOwner& now) {
+    // Returns the second sample of the next run, which confirms the first.
+    tactiled_sample after(const ZeroOwner& now, double z = -20, const std::map<std::string, tactiled_sample>& killed = {}) {
         ZeroStore store({path_, path_}, {now});
         auto next = sensors();
-        store.restore(next);
-        return send(next[0], -20);
+        store.restore(next, killed);
+        (void)send(next[0], z);
+        return send(next[0], z);
     }
     static void expect_lost(const tactiled_sample& s) {
         EXPECT_EQ(s.quality, unsigned(TACTILED_UNCERTAIN));
@@ -92,8 +94,51 @@ TEST_F(ZeroStoreTest, ATareIsRestoredToTheLastBit) {
     EXPECT_EQ(s.tare_count, 1u);
 }
 
-TEST_F(ZeroStoreTest, TwoDaemonsDoNotShareAFile) {
+// The device may have been started again meanwhile, and may have taken its load for zero.
+TEST_F(ZeroStoreTest, ARestoredZeroIsDoubtedUnderAnotherForce) {
     run_and_tare();
+    const std::string kept = text();
+    EXPECT_NE(kept.find("[[sensor.last]]"), kept.npos);
+    const tactiled_sample s = after(owner(), -15);
+    EXPECT_EQ(s.reasons, std::uint32_t(TACTILED_ZERO_UNKNOWN | TACTILED_UNKNOWN_UNCERTAINTY));
+    EXPECT_EQ(s.force_S_N[2], 5) << "its number is kept";
+    EXPECT_EQ(s.tare_count, 1u);
+    EXPECT_EQ(text(), kept) << "a run that ends without a word changes nothing";
+}
+
+TEST_F(ZeroStoreTest, AfterAKillTheSegmentHasTheLastForce) {
+    run_and_tare(true);
+    tactiled_sample last{};
+    last.quality = TACTILED_GOOD;
+    last.raw_force_S_N[2] = -15;
+    std::fill(std::begin(last.sd_force_N), std::end(last.sd_force_N), Through::kSd_N);
+    EXPECT_EQ(after(owner(), -15, {{"left", last}}).quality, unsigned(TACTILED_GOOD));
+    EXPECT_NE(after(owner(), -20, {{"left", last}}).reasons & TACTILED_ZERO_UNKNOWN, 0u);
+    EXPECT_NE(after(owner(), -20).reasons & TACTILED_ZERO_UNKNOWN, 0u) << "after a power failure";
+    last.quality = TACTILED_BAD;
+    EXPECT_NE(after(owner(), -15, {{"left", last}}).reasons & TACTILED_ZERO_UNKNOWN, 0u);
+}
+
+TEST_F(ZeroStoreTest, TheDoubtOfASensorThatIsNotTaredLastsUntilATare) {
+    tactiled_sample last{};
+    last.reasons = TACTILED_ZERO_UNKNOWN;
+    last.quality = TACTILED_UNCERTAIN;
+    EXPECT_NE(after(owner(), -20, {{"left", last}}).reasons & TACTILED_ZERO_UNKNOWN, 0u) << "killed";
+    EXPECT_EQ(after(owner(), -20).quality, unsigned(TACTILED_GOOD)) << "power failed";
+    {
+        ZeroStore store({path_, path_}, {owner()});
+        auto before = sensors();
+        for (int i = 0; i < 5; ++i) (void)send(before[0], -20);
+        now_ns_ += 5'000 * kMs;
+        for (int i = 0; i < 5; ++i) (void)send(before[0], -15);
+        ASSERT_TRUE(before[0].doubts_zero());
+        store.keep_last(before);
+    }
+    EXPECT_NE(after(owner(), -20).reasons & TACTILED_ZERO_UNKNOWN, 0u);
+}
+
+TEST_F(ZeroStoreTest, TwoDaemonsDoNotShareAFile) {
+    run_and_tare(true);
     const std::string before = text();
     {
         ZeroStore first({path_, path_}, {owner()});
@@ -101,7 +146,7 @@ TEST_F(ZeroStoreTest, TwoDaemonsDoNotShareAFile) {
         EXPECT_THROW(ZeroStore({path_, path_}, {owner()}), SetupError);
     }
     EXPECT_EQ(text(), before);
-    EXPECT_EQ(after(owner()).quality, unsigned(TACTILED_GOOD)) << "the lock ends with its holder";
+    EXPECT_EQ(after(owner()).tare_count, 1u) << "the lock ends with its holder";
 }
 
 TEST_F(ZeroStoreTest, WithForgetATaredSensorHasNoKnownZeroUntilItIsTaredAgainOrUntared) {
@@ -151,7 +196,7 @@ TEST_F(ZeroStoreTest, OfMethodAutoEachMethodHasItsOwn) {
         auto before = sensors();
         TaredZero zero{3, 2, {}};  // "fast" has no zero
         zero.of_method[0] = {0, 0, -20, 0, 0, 0};
-        before[0].restore_zero(zero);
+        before[0].restore_zero(zero, std::nullopt);
         EXPECT_TRUE(keep(store, before[0]));
     }
     two.methods = {"fast", "exact"};
