@@ -195,7 +195,10 @@ void read_components(Options& file, Calibration& calibration) {
         }
         next = found + 1;
     }
-    calibration.full_scale = file.numbers("full_scale", kNotNegative, as_many_as(components));
+    const Count each = as_many_as(components);
+    calibration.full_scale = file.numbers("full_scale", kNotNegative, each);
+    calibration.zero_rate_per_h = file.numbers("zero_rate_per_h", kNotNegative, each);
+    calibration.zero_shift = file.numbers("zero_shift", kNotNegative, each);
 }
 
 // Reads the fit of the file itself, or of one of its [[other]] tables.

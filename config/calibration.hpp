@@ -118,8 +118,11 @@ struct Calibration : Fit {
         zero_drift;  // per channel: sd of the zero that the fits and each sd include, channel_unit; empty = 0
     std::vector<std::string> components;  // subset of kComponentNames that the sensor measures, in this order
     std::vector<double> full_scale;       // per component, N or Nm; empty = unknown
-    int rows = 0;                         // labelled rows used
-    std::uint16_t crc = 0;                // CRC-16/CCITT-FALSE over the file up to its line `crc = `
+    // Per component, N or Nm: standard deviation of the zero an hour after it was known, and of the zero of another mounting
+    // or power-up. Empty: not seen in the rows.
+    std::vector<double> zero_rate_per_h, zero_shift;
+    int rows = 0;           // labelled rows used
+    std::uint16_t crc = 0;  // CRC-16/CCITT-FALSE over the file up to its line `crc = `
     std::vector<Fit> others;
 
     // Returns this calibration with the fit of `name`, if it has one, and without the others.

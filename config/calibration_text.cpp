@@ -126,6 +126,8 @@ std::string calibration_text(const Calibration& calibration) {
     out.numbers("zero_drift", calibration.zero_drift);
     out.line("components", toml_texts(calibration.components));
     out.numbers("full_scale", calibration.full_scale);
+    out.numbers("zero_rate_per_h", calibration.zero_rate_per_h);
+    out.numbers("zero_shift", calibration.zero_shift);
     out.line("rows", fmt::format("{}", calibration.rows));
     out.fit(calibration);
     for (const Fit& other : calibration.others) {

@@ -38,6 +38,7 @@ public:
     // robot's data are kept; the scale from a known weight is not kept. rt: wait-free
     void succeed(const Grasping& before) noexcept;
 
+    [[nodiscard]] bool is_configured() const noexcept { return estimator_.has_value(); }
     // rt: wait-free
     [[nodiscard]] tactiled_grasp state() const noexcept;
     // rt: bounded by the sensors

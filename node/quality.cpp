@@ -13,8 +13,6 @@ constexpr unsigned kAliveAfter = 2;
 // 5 readings are 0, and 24 consecutive zeros occur once in 10^9 readings. At least 3 readings, because a single reading may
 // be disturbed.
 constexpr unsigned kIdleNumbers = 24, kIdleReadings = 3;
-constexpr std::uint64_t kRestNs = 2'000'000'000;
-constexpr double kRestMean_s = 1;
 
 // Returns true for a number whose bits are all 0 or all 1, for the usual widths of converters and registers, signed or
 // unsigned.
@@ -136,27 +134,6 @@ bool StreamQuality::has_discontinuity(bool connected, std::uint64_t now_ns) noex
     broken_ = why;
     rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
     return true;
-}
-
-void ZeroDriftCheck::take(const double (&raw_force_S_N)[3], bool at_rest, std::uint64_t t_ns) noexcept {
-    const double limit_N = tuning_->drift_limit_N;
-    if (limit_N <= 0) drifted_ = false;
-    if (limit_N <= 0 || !at_rest) {
-        since_ns_ = 0;
-        return;
-    }
-    if (since_ns_ == 0) {
-        since_ns_ = last_ns_ = t_ns;
-        std::copy_n(raw_force_S_N, 3, mean_N_.begin());
-    }
-    const double weight = -std::expm1(-double(t_ns - last_ns_) * 1e-9 / kRestMean_s);
-    last_ns_ = t_ns;
-    double squares = 0;
-    for (std::size_t i = 0; i < 3; ++i) {
-        mean_N_[i] += weight * (raw_force_S_N[i] - mean_N_[i]);
-        if (std::isfinite(mean_N_[i])) squares += mean_N_[i] * mean_N_[i];
-    }
-    if (t_ns - since_ns_ >= kRestNs) drifted_ = squares > limit_N * limit_N;
 }
 
 }  // namespace tactiled

@@ -88,21 +88,4 @@ private:
     float rate_Hz_ = std::numeric_limits<float>::quiet_NaN();
 };
 
-// Checks if the zero at rest has drifted from the calibration's zero, by a mean of the raw force over about 1 s without
-// contact. The result stays true until a mean at rest is within the limit.
-class ZeroDriftCheck {
-public:
-    // `tuning` must outlive this object.
-    explicit ZeroDriftCheck(const Tuning& tuning) : tuning_(&tuning) {}
-    // rt: wait-free
-    void take(const double (&raw_force_S_N)[3], bool at_rest, std::uint64_t t_ns) noexcept;
-    [[nodiscard]] bool has_drifted() const noexcept { return drifted_; }
-
-private:
-    const Tuning* tuning_;
-    std::array<double, 3> mean_N_{};
-    std::uint64_t since_ns_ = 0, last_ns_ = 0;  // begin of the present mean; 0 = none
-    bool drifted_ = false;
-};
-
 }  // namespace tactiled

@@ -54,7 +54,7 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     }
     put_tared(s);
     judge_magnitude(s);
-    judge_drift(s);
+    follow_rest(s);
     if (s.quality == TACTILED_BAD) tactiled_invalidate(&s, 0);
     last_ = s;
     return s;
@@ -225,8 +225,14 @@ inline void Sensor::follow_tare(tactiled_sample& s) noexcept {
 }
 
 // The error of the force is unknown if the zero of the tare is lost or unknown for this method.
-void Sensor::judge_zero(tactiled_sample& s) const noexcept {
-    if (zero_.is_known(method_) || s.quality == TACTILED_BAD) return;
+inline void Sensor::judge_zero(tactiled_sample& s) noexcept {
+    if (s.quality == TACTILED_BAD) return;
+    sd_of_model_ = wrench_of(s.sd_force_N, s.sd_torque_Nm);
+    if (zero_.is_known(method_)) {
+        Wrench sd = sd_of_model_;
+        if (zero_.widen(sd, true_ns(s.t_ns))) s.reasons |= TACTILED_ZERO_OLD;
+        return put_wrench(sd, s.sd_force_N, s.sd_torque_Nm);
+    }
     if (zero_.is_missing()) s.reasons |= TACTILED_ZERO_UNKNOWN;
     s.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
     for (std::size_t i = 0; i < 3; ++i) s.sd_force_N[i] = s.sd_torque_Nm[i] = kNaN;
@@ -242,7 +248,7 @@ inline void Sensor::judge_latency(tactiled_sample& s) noexcept {
 
 // Sets force and torque to the raw wrench minus the zero, after the low pass.
 void Sensor::put_tared(tactiled_sample& s) noexcept {
-    const Wrench& zero = zero_S();
+    const Wrench zero = zero_S();
     Wrench tared = wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm);
     for (std::size_t i = 0; i < tared.size(); ++i) tared[i] -= zero[i];
     if (s.quality != TACTILED_BAD) {
@@ -277,10 +283,33 @@ void Sensor::judge_magnitude(tactiled_sample& s) noexcept {
     peak_N_ = s.peak_N = std::max(peak_N_, float(magnitude_N));
 }
 
-void Sensor::judge_drift(tactiled_sample& s) noexcept {
-    const bool at_rest = (s.state & TACTILED_CONTACT) == 0 && s.quality != TACTILED_BAD;
-    if (is_confirmed(s)) drift_.take(s.raw_force_S_N, at_rest, s.t_ns);
-    if (drift_.has_drifted()) s.reasons |= TACTILED_DRIFTED;
+// A second without contact, motion, doubt or a held object is a free rest. Its mean may show a drift of the zero.
+inline void Sensor::follow_rest(tactiled_sample& s) noexcept {
+    constexpr auto kRestNs = std::uint64_t(ZeroError::kRest_ns);
+    const bool is_free =
+        !may_hold_ && (s.state & TACTILED_CONTACT) == 0 && Zero::can_be_zero(s) && zero_.tare() == Tare::none;
+    if (!is_free) {
+        is_resting_ = false;
+    } else if (is_confirmed(s)) {
+        if (!std::exchange(is_resting_, true)) rest_.begin(s.t_ns, kRestNs);
+        if (rest_.add(wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm), s.t_ns)) {
+            is_resting_ = false;
+            if (!rest_.has_moved(sd_of_model_)) end_rest(true_ns(s.t_ns));
+        }
+    }
+    if (has_drifted_) s.reasons |= TACTILED_DRIFTED;
+}
+
+inline void Sensor::end_rest(std::int64_t t_ns) noexcept {
+    Wrench rest_S = rest_.mean_S();
+    double squares = 0;
+    for (std::size_t i = 0; i < 3; ++i)
+        if (std::isfinite(rest_S[i])) squares += rest_S[i] * rest_S[i];
+    const double limit_N = tuning_->drift_limit_N;
+    has_drifted_ = limit_N > 0 && squares > limit_N * limit_N;
+    const Wrench zero = zero_S();
+    for (std::size_t i = 0; i < rest_S.size(); ++i) rest_S[i] -= zero[i];
+    if (zero_.rest(rest_S, sd_of_model_, t_ns)) low_pass_.reset();
 }
 
 const tactiled_sample& Sensor::compare(const tactiled_sample& others) noexcept {
@@ -325,8 +354,8 @@ void Sensor::start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept {
     stream_.start(now_ns);
 }
 
-void Sensor::restore_zero(const TaredZero& zero, const std::optional<LastForce>& last) noexcept {
-    zero_.restore(zero);
+void Sensor::restore_zero(const TaredZero& zero, std::int64_t age_ns, const std::optional<LastForce>& last) noexcept {
+    zero_.restore(zero, age_ns);
     if (!last) return zero_.doubt();
     jumps_.mark(*last);
     may_be_another_ = true;

@@ -18,6 +18,7 @@
 #include "node/jump_check.hpp"
 #include "node/low_pass.hpp"
 #include "node/quality.hpp"
+#include "node/tare_window.hpp"
 #include "node/thermometer.hpp"
 #include "node/tuning.hpp"
 #include "node/zero.hpp"
@@ -52,6 +53,7 @@ public:
         int serial_of_frame = -1;  // channel of a frame with the number of the device; -1: none
         double serial = 0;         // number of the calibrated device
         bool needs_tare = false;   // each session of the calibration had a zero of its own
+        ZeroError::Rates zero;     // how the calibration's zero ages
         Tuning tuning;
         std::unique_ptr<Decoupler> decoupler;
         AutoMethod* automatic = nullptr;                 // the decoupler, if it is method "auto"
@@ -62,9 +64,8 @@ public:
         : setup_(std::move(setup)),
           tuning_(std::make_unique<Tuning>(std::move(setup_.tuning))),
           stream_(*tuning_),
-          drift_(*tuning_),
           agreement_(tuning_->pair),
-          zero_(*tuning_, setup_.needs_tare),
+          zero_(*tuning_, setup_.needs_tare, setup_.zero),
           thermometer_(*tuning_) {
         if (setup_.decoupler != nullptr) {
             set_delay();
@@ -162,12 +163,14 @@ public:
     }
     // Returns true if, with method "auto", a method still needs its zero from the last tare.
     [[nodiscard]] bool is_finding_zeros() const noexcept { return zero_.has_more_to_find(); }
-    // Continues with the tare of an earlier run, which is doubted unless the first force is the last one of that run, or
-    // marks that tare as lost. Before the first sample. setup
-    void restore_zero(const TaredZero& zero, const std::optional<LastForce>& last) noexcept;
+    // Continues with the tare of an earlier run, `age_ns` ago, which is doubted unless the first force is the last one of
+    // that run, or marks that tare as lost. Before the first sample. setup
+    void restore_zero(const TaredZero& zero, std::int64_t age_ns, const std::optional<LastForce>& last) noexcept;
     void lose_zero() noexcept { zero_.lose(); }
     // Returns the zero that was subtracted from the raw wrench of the last sample.
-    [[nodiscard]] const Wrench& zero_S() const noexcept { return zero_.of(method_); }
+    [[nodiscard]] Wrench zero_S() const noexcept { return zero_.of(method_); }
+    // An object may be held, so that no reading is a free rest. rt: wait-free
+    void may_hold(bool may) noexcept { may_hold_ = may; }
 
 private:
     // Detects a suspension. CLOCK_MONOTONIC stops during a suspension, so that all waiting data would seem to be new.
@@ -191,11 +194,14 @@ private:
     inline void follow_device(const Frame& frame) noexcept;
     inline void judge_jump(std::uint32_t lost, tactiled_sample& sample) noexcept;
     inline void follow_tare(tactiled_sample& sample) noexcept;
-    void judge_zero(tactiled_sample& sample) const noexcept;
+    inline void judge_zero(tactiled_sample& sample) noexcept;
     inline void judge_latency(tactiled_sample& sample) noexcept;
     void put_tared(tactiled_sample& sample) noexcept;
     void judge_magnitude(tactiled_sample& sample) noexcept;
-    void judge_drift(tactiled_sample& sample) noexcept;
+    inline void follow_rest(tactiled_sample& sample) noexcept;
+    inline void end_rest(std::int64_t t_ns) noexcept;
+    // Returns a sample's time with the time in which the machine was suspended.
+    [[nodiscard]] std::int64_t true_ns(std::uint64_t t_ns) const noexcept { return std::int64_t(t_ns + suspended_ns_); }
     void set_delay() noexcept {
         if (setup_.decoupler == nullptr) return;
         setup_.decoupler->set_delay(tuning_->delay_s);
@@ -210,9 +216,13 @@ private:
     JumpCheck jumps_;
     Continuity continuity_;
     bool may_be_another_ = false;  // the device may have started again or been exchanged since the last confirmed sample
-    ZeroDriftCheck drift_;
     Agreement agreement_;
     Zero zero_;
+    TareWindow rest_;           // the last samples without contact
+    bool is_resting_ = false;   // rest_ has begun
+    bool may_hold_ = false;     // an object may be held
+    bool has_drifted_ = false;  // the last rest was farther than drift_limit_N from the zero of the calibration
+    Wrench sd_of_model_{};      // of the last sample, without its zero
     Thermometer thermometer_;
     std::size_t method_ = 0;  // method "auto": method of zero_S() and low_pass_; else 0
     LowPass low_pass_;

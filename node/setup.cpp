@@ -10,6 +10,7 @@
 
 #include "config/text_file.hpp"
 #include "decoupling/method.hpp"
+#include "decoupling/solve/domain.hpp"
 #include "node/log.hpp"
 #include "node/method_costs.hpp"
 #include "node/objects.hpp"
@@ -230,6 +231,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
         setup.serial = number.value_or(0);
     }
     setup.needs_tare = calibration.validation.ends_with(Calibration::kOwnZeros);
+    setup.zero = zero_rates(calibration);
     node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
     tactiled_sensor& entry = node.plan.sensors.back();
     node.zeros.push_back(zero_owner(settings, calibration, setup));
@@ -339,6 +341,21 @@ std::uint16_t identity_of(const Config& config, Problems& problems) {
 }
 
 }  // namespace
+
+ZeroError::Rates zero_rates(const Calibration& calibration) {
+    constexpr double kCounts = 0.1, kMain = 3, kHour_s = 3600;  // parts of full scale and of the standard deviation
+    ZeroError::Rates rates;
+    if (!calibration.zero_shift.empty()) rates.shift = {};
+    const std::vector<double>& per_h = calibration.zero_rate_per_h.empty() ? calibration.sd : calibration.zero_rate_per_h;
+    for (std::size_t i = 0; i < calibration.components.size(); ++i) {
+        const std::size_t c = component_index(calibration.components[i]);
+        if (i < per_h.size()) rates.per_s[c] = per_h[i] / kHour_s;
+        if (i < calibration.zero_shift.size()) rates.shift[c] = calibration.zero_shift[i];
+        if (i < calibration.full_scale.size() && i < calibration.sd.size())
+            rates.limit[c] = std::max(kCounts * calibration.full_scale[i], kMain * calibration.sd[i]);
+    }
+    return rates;
+}
 
 Node load_node(const std::string& config_path, Problems& problems, const std::string& costs_folder) {
     Node node{.config = load_config(config_path, problems),

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "config/calibration.hpp"
 #include "config/config.hpp"
 #include "node/pipeline.hpp"
 #include "node/shm/writer.hpp"
@@ -23,6 +24,10 @@ struct Node {
     SegmentPlan plan;
     bool simulated = false;  // a link has simulated data
 };
+
+// How the zero of a calibration ages. A rate that calibrate has not seen is the standard deviation of the force in each hour.
+// A zero is old when it is the main error of the force, and one that counts.
+ZeroError::Rates zero_rates(const Calibration& calibration);
 
 // Reads the configuration, every driver's and model's keys and every calibration. All errors go to `problems`; with
 // any error, the result must not be run. `costs_folder`: see method_costs.hpp. setup: never throws for bad input

@@ -15,6 +15,7 @@
 #include "decoupling/decoupler.hpp"
 #include "node/tare_window.hpp"
 #include "node/tuning.hpp"
+#include "node/zero_error.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled {
@@ -44,8 +45,8 @@ class Zero {
 public:
     // `tuning` must outlive this object. Other limits leave the zeros unchanged. `needs_tare`: the zero of the calibration
     // is not that of another session.
-    explicit Zero(const Tuning& tuning, bool needs_tare = false)
-        : tuning_(&tuning), needs_tare_(needs_tare), unknown_(unknown_untared()) {}
+    explicit Zero(const Tuning& tuning, bool needs_tare = false, const ZeroError::Rates& rates = {})
+        : tuning_(&tuning), needs_tare_(needs_tare), knows_shift_(rates.has_shift()), error_(rates) {}
 
     // Returns true if the value can be a zero. A mounted sensor may rest outside the calibrated domain, but a
     // saturated or incomplete reading has no known zero. rt: wait-free
@@ -69,19 +70,35 @@ public:
     void find_other(AutoMethod& automatic, std::size_t method, std::size_t n_channels) noexcept;
 
     // Returns the zero of a method; `method` is 0 without "auto".
-    [[nodiscard]] const Wrench& of(std::size_t method) const noexcept { return of_method_[method]; }
-    // Returns false if a tare is in force whose zero is unknown for this method, or needed and missing, or doubted.
-    [[nodiscard]] bool is_known(std::size_t method) const noexcept {
-        return (unknown_ >> method & 1u) == 0 && !is_doubted();
+    [[nodiscard]] Wrench of(std::size_t method) const noexcept {
+        Wrench zero = of_method_[method];
+        for (std::size_t i = 0; i < zero.size(); ++i) zero[i] += error_.moved_S()[i];
+        return zero;
     }
+    // Returns false if the zero is missing, or unknown for this method.
+    [[nodiscard]] bool is_known(std::size_t method) const noexcept {
+        return (unknown_ >> method & 1u) == 0 && !is_missing();
+    }
+    // Adds the standard deviation of the zero to that of a force. Returns true if the zero is old. rt: wait-free
+    [[nodiscard]] bool widen(Wrench& sd, std::int64_t t_ns) noexcept {
+        error_.follow(t_ns, has_shifted());
+        return error_.widen(sd);
+    }
+    // Takes the mean force of a free rest, after the zero, and the standard deviation of a force there. Returns true if the
+    // zero has moved. rt: wait-free
+    bool rest(const Wrench& force_S, const Wrench& sd, std::int64_t t_ns) noexcept { return error_.rest(force_S, sd, t_ns); }
     [[nodiscard]] bool has_more_to_find() const noexcept { return to_find_ != 0; }
     // Returns the number of finished tares since the last removal.
     [[nodiscard]] std::uint32_t tare_count() const noexcept { return tare_count_; }
 
     // True if a tare was in force whose zero is lost. No method then has a known zero until the next tare or removal.
     [[nodiscard]] bool is_lost() const noexcept { return is_lost_; }
-    // True if no method has a known zero until the next tare. rt: wait-free
-    [[nodiscard]] bool is_missing() const noexcept { return is_lost_ || is_doubted() || (needs_tare_ && tare_count_ == 0); }
+    // True if the device may have another zero than the one in use. rt: wait-free
+    [[nodiscard]] bool has_shifted() const noexcept { return is_doubted() || (needs_tare_ && tare_count_ == 0); }
+    // True if no method has a known zero until the next tare: it may have shifted by an unknown amount. rt: wait-free
+    [[nodiscard]] bool is_missing() const noexcept {
+        return is_lost_ || (has_shifted() && (!knows_shift_ || tuning_->forgets_zero));
+    }
     // The device may have another zero until the next tare or removal. rt: wait-free
     void doubt() noexcept { is_doubted_ = true; }
     [[nodiscard]] bool is_doubted() const noexcept { return is_doubted_ && tuning_->doubts_zero; }
@@ -90,17 +107,16 @@ public:
     // Returns the zeros of the tare in force, to be stored for a restart; tare_count 0: no tare is in force. rt:
     // wait-free
     [[nodiscard]] TaredZero tared() const noexcept { return {tare_count_, unknown_, of_method_}; }
-    // Continues with a tare of an earlier run. Before the first sample. setup
-    void restore(const TaredZero& zero) noexcept;
+    // Continues with a tare of an earlier run, `age_ns` ago. Before the first sample. setup
+    void restore(const TaredZero& zero, std::int64_t age_ns) noexcept;
 
 private:
     [[nodiscard]] Tare verdict(const tactiled_sample& last) const noexcept;
-    [[nodiscard]] std::uint32_t unknown_untared() const noexcept { return needs_tare_ ? ~0u : 0; }
-
     const Tuning* tuning_;
-    bool needs_tare_;
+    bool needs_tare_, knows_shift_;
+    ZeroError error_;
     std::array<Wrench, MethodChoice::kMax> of_method_{};
-    std::uint32_t unknown_;      // bit i: the zero of method i is unknown
+    std::uint32_t unknown_ = 0;  // bit i: the zero of method i is unknown
     std::uint32_t to_find_ = 0;  // bit i: method i needs its zero from the mean of the last tare
     std::uint32_t tare_count_ = 0;
     bool is_lost_ = false, is_doubted_ = false;

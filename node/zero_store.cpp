@@ -11,7 +11,10 @@
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <filesystem>
+#include <iomanip>
+#include <sstream>
 #include <utility>
 
 #include "config/options.hpp"
@@ -39,6 +42,17 @@ std::string variable(const char* name) {
 std::string now_text() {
     return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}",
                        fmt::gmtime(std::chrono::system_clock::to_time_t(std::chrono::system_clock::now())));
+}
+
+// Returns the time since then, in ns, at most ten years; that also where the text is no time, or the clock was before it.
+std::int64_t age_ns(const std::string& then) {
+    constexpr std::chrono::hours kLongest{24 * 3652};
+    std::tm parts{};
+    std::istringstream text(then);
+    text >> std::get_time(&parts, "%Y-%m-%dT%H:%M:%SZ");
+    const auto age = std::chrono::system_clock::now() - std::chrono::system_clock::from_time_t(timegm(&parts));
+    const bool is_known = !text.fail() && age > -std::chrono::seconds(1) && age < kLongest;
+    return std::chrono::nanoseconds(is_known ? std::max(age, age.zero()) : kLongest).count();
 }
 
 // A number that is not known is as large as the file can have.
@@ -197,7 +211,7 @@ void ZeroStore::restore(std::vector<Sensor>& sensors, const std::map<std::string
         if (same && owner.restore) {
             const bool has_value = sample != killed.end() && sample->second.quality != TACTILED_BAD;
             const std::optional<LastForce> last = has_value ? last_force(sample->second) : kept->last;
-            sensors[i].restore_zero(zero, last);
+            sensors[i].restore_zero(zero, age_ns(kept->time), last);
             log_line(LogLevel::info, "sensor \"{}\": the tare of {} is in force", owner.sensor, kept->time);
             continue;
         }

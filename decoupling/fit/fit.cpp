@@ -266,6 +266,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     // Remounting changes the zero, and the readings contain the change until a tare.
     if (report.zeros.own)
         for (double* limit : {&calibration.joint_domain.limit, &calibration.joint_domain.curved.limit}) *limit *= 2;
+    if (!remembers) set_zero_age(rows, report.zeros, calibration, report.warnings);
     calibration.temperature = std::move(temperature);
     for (auto& component : report.components) {
         const std::size_t c = component_index(component.name);

@@ -53,4 +53,10 @@ ZeroDrift zero_drift_of(const FitRequest& request, const Rows& rows, const Sessi
 void say_zeros(const Labelled& labelled, const SessionZeros& zeros, const Calibration& domain,
                std::vector<std::string>& warnings);
 
+// ---- zero_age.cpp: how fast the zero drifts, and how far another session is from it ----
+
+// Sets zero_rate_per_h of a calibration with its sd, if errors of the rows grow with the time of a session by more than the
+// sd in an hour, and zero_shift, if five sessions or more have zeros. setup
+void set_zero_age(const Rows& rows, const SessionZeros& zeros, Calibration& calibration, std::vector<std::string>& warnings);
+
 }  // namespace tactiled

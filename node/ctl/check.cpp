@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -33,6 +34,19 @@ std::vector<std::string> undetected_loads(const SensorSettings& sensor, const st
     if (n > 0 && n <= unknowns)
         loads.push_back(fmt::format("a press beside the places of the calibration ({} channels, {} unknowns)", n, unknowns));
     return loads;
+}
+
+// How fast the standard deviation of a zero grows, of the component whose zero is old first; "" if none does.
+std::string age_of_zero(const Calibration& calibration) {
+    const ZeroError::Rates rates = zero_rates(calibration);
+    std::size_t first = 6;
+    double hours = std::numeric_limits<double>::infinity();
+    for (std::size_t c = 0; c < rates.per_s.size(); ++c)
+        if (const double h = rates.limit[c] / rates.per_s[c] / 3600; h < hours) hours = h, first = c;
+    if (first == 6) return "";
+    return fmt::format("its sd grows by {:.2g} {} in each hour ({}, {}), and it is old {:.1f} h after a tare or free rest",
+                       3600 * rates.per_s[first], first < 3 ? "N" : "Nm", kComponentNames[first],
+                       calibration.zero_rate_per_h.empty() ? "assumed: the sd of the force" : "zero_rate_per_h", hours);
 }
 
 struct Args {
@@ -80,6 +94,8 @@ int check(const Args& args) {
     for (const auto& sensor : node.config.sensors) {
         Problems none;
         const Calibration calibration = load_calibration(sensor.calibration, none);
+        if (const std::string age = age_of_zero(calibration); !age.empty())
+            fmt::print("sensor \"{}\": zero: {}\n", sensor.name, age);
         if (calibration.channels.size() > 1 && calibration.joint_domain.limit == 0)
             fmt::print(
                 "warning: sensor \"{}\": {} has no joint domain: a channel that is damaged and stays within "

@@ -44,7 +44,7 @@ std::string difference(const tactiled_sample& was, const tactiled_sample& is, bo
     // A restart that has lost the tare is not repeated here, nor is the tare that a calibration needs.
     const bool zero_lost = ((was.reasons | is.reasons) & TACTILED_ZERO_UNKNOWN) != 0;
     const std::uint32_t of_the_moment = TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED | TACTILED_SENSORS_DIFFER |
-                                        TACTILED_UNPROVED_AGE | TACTILED_ARRIVAL_ONLY | TACTILED_ZERO_UNKNOWN |
+                                        TACTILED_UNPROVED_AGE | TACTILED_ARRIVAL_ONLY | TACTILED_ZERO_UNKNOWN | TACTILED_ZERO_OLD |
                                         (zero_lost ? std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY) : 0u);
     // The motion before the file is not known here, nor how many values have left it.
     const std::uint32_t of_the_past = from_the_start ? 0u : std::uint32_t(TACTILED_STEPPED | TACTILED_GLITCHES);
@@ -58,7 +58,8 @@ std::string difference(const tactiled_sample& was, const tactiled_sample& is, bo
     if (was.missing != is.missing || was.saturated != is.saturated) return "channels";
     if (!same(was.raw_force_S_N, is.raw_force_S_N, 3)) return "raw_force_S_N";
     if (!same(was.raw_torque_S_Nm, is.raw_torque_S_Nm, 3)) return "raw_torque_S_Nm";
-    if (from_the_start && !zero_lost &&
+    // The age of a tare is not in the file.
+    if (from_the_start && !zero_lost && was.tare_count == 0 &&
         (!same(was.sd_force_N, is.sd_force_N, 3) || !same(was.sd_torque_Nm, is.sd_torque_Nm, 3)))
         return "sd";
     if (!same(was.cop_S_m, is.cop_S_m, 2)) return "cop_S_m";

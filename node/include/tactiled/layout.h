@@ -81,7 +81,8 @@ enum tactiled_reason {
     TACTILED_ARRIVAL_ONLY = 1 << 21, /* no clock and no counter would show a delay; the value may be GOOD */
     TACTILED_ZERO_UNKNOWN = 1 << 22, /* the tare in force was lost, or the calibration needs one: tare it */
     /* Since 1.8: */
-    TACTILED_GLITCHES = 1 << 23 /* more than 1 % of the values of 10 s, and more than 2, were wrong for one sample */
+    TACTILED_GLITCHES = 1 << 23, /* more than 1 % of the values of 10 s, and more than 2, were wrong for one sample */
+    TACTILED_ZERO_OLD = 1 << 24  /* the standard deviation of the zero is above 10 % of a component's full scale */
 };
 
 /* ---- verdict ----
@@ -144,6 +145,8 @@ enum tactiled_use {
     X(ZERO_UNKNOWN, "zero-unknown", TACTILED_UNCERTAIN, 22, "ZERO_UNKNOWN", TACTILED_FOR_ZERO,                              \
       "zero unknown: its tare was lost, its calibration needs one, or the device may have started again",                   \
       "tare it without a load")                                                                                             \
+    X(ZERO_OLD, "zero-old", TACTILED_UNCERTAIN, 24, "ZERO_OLD", TACTILED_FOR_ZERO | TACTILED_FOR_WEIGHT,                    \
+      "the zero was last known too long ago", "tare it without a load, or let it rest")                                     \
     X(UNKNOWN_UNCERTAINTY, "sd-unknown", TACTILED_UNCERTAIN, 12, "NO_UNCERTAINTY", TACTILED_ZC_ | TACTILED_FOR_WEIGHT,      \
       "uncertainty unknown", "see its other reasons, or calibrate with loads that determine the uncertainty")               \
     X(READER_OVERRUN, "reader-overrun", TACTILED_BAD, 13, "OVERRUN", 0, "internal: read overrun", "read again")             \

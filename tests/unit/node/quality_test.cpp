@@ -175,7 +175,7 @@ TEST(StreamQuality, AZeroThatWandersAtRestAsksForMaintenanceAndAPressDoesNot) {
     EXPECT_EQ(s.reasons, 0u);
     run(5000, -5);  // contact
     EXPECT_EQ(s.reasons, 0u);
-    run(1500, 0.24);  // not yet: needs a mean over two seconds at rest
+    run(900, 0.24);  // not yet: needs a mean over a second at rest
     EXPECT_EQ(s.reasons, 0u);
     run(3000, 0.24);
     EXPECT_EQ(s.reasons, unsigned(TACTILED_DRIFTED));
@@ -239,22 +239,6 @@ TEST(StreamQuality, OfOtherChannelsNothingIsKnownAfterAReplacement) {
         (void)after.judge(still, 0b11, dead);
         EXPECT_EQ(dead, same_channels ? 0b11u : 0u);
     }
-}
-
-TEST(ZeroDriftCheck, AComponentThatTheModelDoesNotSeeDoesNotCount) {
-    constexpr std::uint64_t kSecond = 1'000'000'000;
-    const double nan = std::numeric_limits<double>::quiet_NaN();
-    Tuning tuning;
-    tuning.drift_limit_N = 1;
-    ZeroDriftCheck drift(tuning);
-    drift.take({nan, nan, 0.9}, true, kSecond);
-    drift.take({nan, nan, 0.9}, true, 4 * kSecond);
-    EXPECT_FALSE(drift.has_drifted());
-    ZeroDriftCheck drifted(tuning);
-    drifted.take({nan, nan, 1.1}, true, kSecond);
-    EXPECT_FALSE(drifted.has_drifted());
-    drifted.take({nan, nan, 1.1}, true, 4 * kSecond);
-    EXPECT_TRUE(drifted.has_drifted());
 }
 
 }  // namespace

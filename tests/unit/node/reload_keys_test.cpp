@@ -54,7 +54,7 @@ public:
 class Daemon {
 public:
     explicit Daemon(const std::string& keys) {
-        (void)folder_.write("unit.toml", test::unit_calibration());
+        (void)folder_.write("unit.toml", test::unit_calibration() + "zero_rate_per_h = [0.0, 0.0, 0.0]\n");
         const std::string sensor =
             "link = \"line\"\nmodel = \"generic\"\ncalibration = \"unit.toml\"\n"
             "channels = [\"c1\", \"c2\", \"c3\", \"T\"]\ntemperature = \"T\"\n";

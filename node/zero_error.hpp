@@ -1,0 +1,106 @@
+// The standard deviation of the zero in use. It grows from the time when the zero was last known, as the dispersion of a
+// clock does, and a free rest bounds it again. Of each component, in N or Nm:
+//
+//   variance = hidden^2 + (moved / 3)^2 + (rate t)^2 + shift^2
+//
+//   t       time since the last tare, removal of a tare or free rest
+//   rate    what calibrate has seen (zero_rate_per_h), at least the standard deviation of the force in each hour
+//   hidden  0 after a tare; after a free rest the force that the rest may hide, which is the sensor's own standard deviation
+//   moved   by which free rests have moved the zero since the tare: a load that grows slowly looks like a drift
+//   shift   zero_shift of the calibration, while device or mounting may have another zero
+#pragma once
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <tuple>
+
+#include "decoupling/decoupler.hpp"
+
+namespace tactiled {
+
+class ZeroError {
+public:
+    // What the calibration states: N/s or Nm/s, N or Nm. shift: NaN = unknown. limit: the largest standard deviation of a
+    // zero that is not old.
+    struct Rates {
+        static constexpr double kNever = std::numeric_limits<double>::infinity();
+        Wrench per_s{}, shift = kUnseen, limit{kNever, kNever, kNever, kNever, kNever, kNever};
+
+        [[nodiscard]] bool has_shift() const noexcept {
+            return std::none_of(shift.begin(), shift.end(), [](double x) { return std::isnan(x); });
+        }
+    };
+    explicit ZeroError(const Rates& rates) noexcept : rates_(rates) {}
+
+    // The zero was known `age_ns` before the next time. rt: wait-free
+    void know(std::int64_t age_ns = 0) noexcept {
+        age_ns_ = age_ns;
+        is_new_ = true;
+        hidden_ = moved_ = variance_ = {};
+    }
+    // Follows the time; `is_shifted`: the device may have another zero. rt: wait-free
+    void follow(std::int64_t t_ns, bool is_shifted) noexcept {
+        if (is_new_) since_ns_.fill(tared_ns_ = t_ns - age_ns_);
+        if (!is_new_ && is_shifted == is_shifted_ && t_ns < next_ns_) return;
+        is_new_ = false;
+        is_shifted_ = is_shifted;
+        next_ns_ = t_ns + kRest_ns;  // rates are slow
+        for (std::size_t i = 0; i < variance_.size(); ++i)
+            variance_[i] = hidden_[i] + grown(i, t_ns) + (is_shifted ? square(rates_.shift[i]) : 0);
+    }
+    // Takes the mean force of a free rest, after the zero in use, and the standard deviation of a force there; NaN: not
+    // measured. A component beyond its standard deviation may be a load, so that the rest shows nothing. The zero moves
+    // where the rest shows more than is known, but by no more than 3 sd of what the rate explains. Returns true if it has
+    // moved.
+    // rt: wait-free
+    bool rest(const Wrench& force_S, const Wrench& sd, std::int64_t t_ns) noexcept {
+        for (std::size_t i = 0; i < sd.size(); ++i)
+            if (is_shifted_ || (!std::isnan(force_S[i]) && !(std::abs(force_S[i]) <= sd[i]))) return false;
+        bool any = false;
+        for (std::size_t i = 0; i < sd.size(); ++i) {
+            const double moved = moved_[i] + force_S[i], hidden = square(sd[i]) + square(moved / kSure);
+            const bool is_drift = std::abs(moved) <= kSure * rates_.per_s[i] * seconds(t_ns - tared_ns_);
+            if (!is_drift || !(hidden < hidden_[i] + grown(i, t_ns))) continue;
+            hidden_[i] = hidden;
+            moved_[i] = moved;
+            since_ns_[i] = t_ns;
+            any = true;
+        }
+        if (any) next_ns_ = t_ns;
+        return any;
+    }
+
+    [[nodiscard]] const Wrench& moved_S() const noexcept { return moved_; }
+    [[nodiscard]] double sd(std::size_t component) const noexcept { return std::sqrt(variance_[component]); }
+    // Adds the zero's to the standard deviation of a force. Returns true if the zero is old. rt: wait-free
+    [[nodiscard]] bool widen(Wrench& sd) const noexcept {
+        bool is_old = false;
+        for (std::size_t i = 0; i < sd.size(); ++i) {
+            if (variance_[i] == 0) continue;
+            sd[i] = std::sqrt(square(sd[i]) + variance_[i]);
+            is_old |= variance_[i] > square(rates_.limit[i]);
+        }
+        return is_old;
+    }
+
+    static constexpr std::int64_t kRest_ns = 1'000'000'000;  // length of a rest
+
+private:
+    static constexpr double kSure = 3;  // standard deviations
+    [[nodiscard]] static constexpr double square(double x) noexcept { return x * x; }
+    [[nodiscard]] static constexpr double seconds(std::int64_t ns) noexcept { return double(ns) * 1e-9; }
+    [[nodiscard]] double grown(std::size_t i, std::int64_t t_ns) const noexcept {
+        return square(rates_.per_s[i] * seconds(t_ns - since_ns_[i]));
+    }
+
+    Rates rates_;
+    std::int64_t age_ns_ = 0, tared_ns_ = 0, next_ns_ = 0;
+    bool is_new_ = true, is_shifted_ = false;
+    std::array<std::int64_t, std::tuple_size_v<Wrench>> since_ns_{};
+    Wrench hidden_{}, moved_{}, variance_{};
+};
+
+}  // namespace tactiled

@@ -1,0 +1,206 @@
+// The standard deviation of a zero over hours, and what free rests show.
+#include "node/zero_error.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+#include "sensor_fixture.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::int64_t kSecondNs = 1'000'000'000, kHourNs = 3600 * kSecondNs;
+constexpr double kSd_N = 0.1;
+constexpr Wrench kSd{kSd_N, kSd_N, kSd_N, kNaN, kNaN, kNaN};
+
+ZeroError::Rates rates(double sd_per_h) {
+    ZeroError::Rates rates;
+    rates.per_s = {sd_per_h / 3600, sd_per_h / 3600, sd_per_h / 3600, 0, 0, 0};
+    rates.limit = {1, 1, 1, 1, 1, 1};
+    return rates;
+}
+
+Wrench fz(double fz_N) { return {0, 0, fz_N, kNaN, kNaN, kNaN}; }
+
+double sd_of(ZeroError& error, std::int64_t t_ns, bool shifted = false) {
+    error.follow(t_ns, shifted);
+    Wrench sd{};
+    (void)error.widen(sd);
+    return sd[2];
+}
+
+TEST(ZeroError, GrowsWithTheTimeSinceTheTare) {
+    ZeroError error(rates(0.2));
+    EXPECT_EQ(sd_of(error, kHourNs), 0);
+    EXPECT_NEAR(sd_of(error, 2 * kHourNs), 0.2, 1e-12);
+    EXPECT_NEAR(sd_of(error, 4 * kHourNs), 0.6, 1e-12);
+    error.know();
+    EXPECT_EQ(sd_of(error, 5 * kHourNs), 0);
+    error.know(3 * kHourNs);  // of an earlier run
+    EXPECT_NEAR(sd_of(error, 6 * kHourNs), 0.6, 1e-12);
+}
+
+TEST(ZeroError, IsOldBeyondItsLimit) {
+    ZeroError error(rates(0.2));
+    Wrench sd{};
+    error.follow(0, false);
+    error.follow(4 * kHourNs, false);
+    EXPECT_FALSE(error.widen(sd));
+    error.follow(6 * kHourNs, false);
+    EXPECT_TRUE(error.widen(sd));
+}
+
+TEST(ZeroError, ARestBoundsItByTheForceThatItMayHide) {
+    ZeroError error(rates(0.2));
+    error.follow(0, false);
+    error.follow(4 * kHourNs, false);
+    EXPECT_TRUE(error.rest(fz(0.06), kSd, 4 * kHourNs));
+    EXPECT_EQ(error.moved_S()[2], 0.06);
+    EXPECT_NEAR(sd_of(error, 4 * kHourNs), std::hypot(kSd_N, 0.06 / 3), 1e-12);
+    EXPECT_FALSE(error.rest(fz(0.05), kSd, 4 * kHourNs + kSecondNs)) << "it shows no more than is known";
+}
+
+TEST(ZeroError, ARestUnderALoadShowsNothing) {
+    ZeroError error(rates(0.2));
+    error.follow(0, false);
+    error.follow(4 * kHourNs, false);
+    EXPECT_FALSE(error.rest(fz(0.11), kSd, 4 * kHourNs));
+    EXPECT_FALSE(error.rest({0.11, 0, 0.01, kNaN, kNaN, kNaN}, kSd, 4 * kHourNs)) << "all components are judged together";
+    EXPECT_FALSE(error.rest(fz(0.01), {0.1, 0.1, kNaN, kNaN, kNaN, kNaN}, 4 * kHourNs)) << "without a standard deviation";
+    EXPECT_NEAR(sd_of(error, 4 * kHourNs), 0.8, 1e-12);
+}
+
+TEST(ZeroError, AShiftStaysUntilTheNextTareWhateverRests) {
+    ZeroError::Rates stated = rates(0.2);
+    stated.shift = {0.5, 0.5, 0.5, 0, 0, 0};
+    ZeroError error(stated);
+    EXPECT_NEAR(sd_of(error, 0, true), 0.5, 1e-12);
+    EXPECT_FALSE(error.rest(fz(0), kSd, kHourNs));
+    EXPECT_NEAR(sd_of(error, kHourNs, true), std::hypot(0.5, 0.2), 1e-12);
+    error.know();
+    EXPECT_EQ(sd_of(error, 2 * kHourNs), 0);
+}
+
+// Somebody adds a little each ten minutes. It is taken for drift, but never claimed to be known better than that.
+TEST(ZeroError, ALoadThatGrowsSlowlyIsNeverFarBeyondItsStandardDeviation) {
+    for (const double step_N : {0.02, 0.05, 0.09, 0.2}) {
+        ZeroError error(rates(0.2));
+        double load_N = 0, worst = 0;
+        for (std::int64_t t_ns = 0; t_ns < 10 * kHourNs; t_ns += kSecondNs) {
+            if (t_ns % (600 * kSecondNs) == 0) load_N += step_N;
+            const double sd = std::hypot(sd_of(error, t_ns), kSd_N);
+            (void)error.rest(fz(load_N - error.moved_S()[2]), kSd, t_ns);
+            worst = std::max(worst, std::abs(error.moved_S()[2]) / sd);
+        }
+        EXPECT_LT(worst, 3.01) << step_N;
+    }
+}
+
+// With rests each minute the zero follows a drift for eight hours; without them the standard deviation does.
+TEST(ZeroError, OfADriftIsTrue) {
+    std::mt19937_64 random(1);
+    std::normal_distribution<double> normal(0, 1);
+    for (const bool rests : {true, false}) {
+        int beyond = 0, samples = 0, old = 0;
+        for (int sensor = 0; sensor < 40; ++sensor) {
+            ZeroError error(rates(0.2));
+            const double drift_N_per_h = 0.2 * normal(random);
+            for (std::int64_t t_ns = 0; t_ns < 8 * kHourNs; t_ns += 10 * kSecondNs) {
+                error.follow(t_ns, false);
+                Wrench sd = kSd;
+                old += error.widen(sd) ? 1 : 0;
+                const double true_N = drift_N_per_h * double(t_ns) / double(kHourNs);
+                beyond += std::abs(true_N - error.moved_S()[2]) > 2 * sd[2] ? 1 : 0;
+                ++samples;
+                if (rests && t_ns % (60 * kSecondNs) == 0) (void)error.rest(fz(true_N - error.moved_S()[2]), kSd, t_ns);
+            }
+        }
+        EXPECT_LT(double(beyond) / samples, 0.1) << rests;
+        EXPECT_EQ(old > 0, !rests) << "a limit of 1 N is five hours away";
+    }
+}
+
+// ---- in a sensor -------------------------------------------------------------------------------------------------------
+
+// A sensor whose zero drifts by up to its standard deviation in a minute.
+class Drifting {
+public:
+    explicit Drifting(double limit_N = 1) : sensor_(made(limit_N)) {}
+    static Sensor made(double limit_N) {
+        Sensor::Setup setup;
+        setup.channel_of_frame = {0, 1, 2};
+        setup.frame_channels = 3;
+        setup.zero = rates(60 * Through::kSd_N);
+        setup.zero.limit = {limit_N, limit_N, limit_N, 1, 1, 1};
+        setup.decoupler = std::make_unique<Through>(100, Through::kSd_N);
+        Sensor sensor(std::move(setup));
+        sensor.start(7, 0);
+        return sensor;
+    }
+    tactiled_sample send(double fz_N, double seconds) {
+        tactiled_sample s{};
+        for (int i = 0; i < int(100 * seconds); ++i) {
+            t_ns_ += 10 * kMs;
+            s = sensor_.sample(frame(t_ns_, 0, 0, fz_N), t_ns_);
+        }
+        return s;
+    }
+    Sensor& sensor() { return sensor_; }
+    std::uint64_t now() const { return t_ns_; }
+
+private:
+    Sensor sensor_;
+    std::uint64_t t_ns_ = kMs;
+};
+
+TEST(SensorRest, ASecondWithoutContactMovesTheZero) {
+    Drifting drifting;
+    const double small_N = Through::kSd_N / 2;
+    EXPECT_NEAR(drifting.send(small_N, 30).force_S_N[2], small_N, 1e-12) << "too early";
+    EXPECT_NEAR(drifting.send(small_N, 90).force_S_N[2], 0, 1e-12);
+    EXPECT_EQ(drifting.sensor().last().raw_force_S_N[2], small_N);
+}
+
+TEST(SensorRest, AHeldObjectIsNoRest) {
+    Drifting drifting;
+    const double small_N = Through::kSd_N / 2;
+    drifting.sensor().may_hold(true);
+    const tactiled_sample s = drifting.send(small_N, 200);
+    EXPECT_NEAR(s.force_S_N[2], small_N, 1e-12);
+    EXPECT_GT(s.sd_force_N[2], 3 * Through::kSd_N) << "but time passes";
+}
+
+TEST(SensorRest, AContactOrAMotionIsNoRest) {
+    Drifting drifting;
+    (void)drifting.send(0, 0.1);
+    EXPECT_NEAR(drifting.send(-5, 200).force_S_N[2], -5, 1e-12);
+    EXPECT_GT(drifting.sensor().last().sd_force_N[2], 3 * Through::kSd_N);
+}
+
+TEST(SensorRest, AZeroThatIsOldIsUncertainUntilATareAndMayBeTared) {
+    Drifting drifting(5 * Through::kSd_N);
+    EXPECT_EQ(drifting.send(-5, 100).quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(drifting.send(-5, 400).reasons, unsigned(TACTILED_ZERO_OLD));
+    drifting.sensor().begin_tare(drifting.now());
+    EXPECT_EQ(drifting.send(-5, 1).quality, unsigned(TACTILED_GOOD));
+    EXPECT_EQ(drifting.sensor().last().force_S_N[2], 0);
+}
+
+TEST(SensorRest, AShiftThatTheCalibrationKnowsIsInTheStandardDeviation) {
+    Sensor::Setup setup;
+    setup.channel_of_frame = {0, 1, 2};
+    setup.frame_channels = 3;
+    setup.needs_tare = true;
+    setup.zero.shift = {0.3, 0.3, 0.3, 0, 0, 0};
+    setup.decoupler = std::make_unique<Through>(100, Through::kSd_N);
+    Sensor sensor(std::move(setup));
+    sensor.start(7, 0);
+    const tactiled_sample s = sensor.sample(frame(kMs, 0, 0, -1), kMs);
+    EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
+    EXPECT_NEAR(s.sd_force_N[2], std::hypot(0.3, Through::kSd_N), 1e-9);
+}
+
+}  // namespace
+}  // namespace tactiled
