@@ -283,33 +283,34 @@ void Sensor::judge_magnitude(tactiled_sample& s) noexcept {
     peak_N_ = s.peak_N = std::max(peak_N_, float(magnitude_N));
 }
 
-// A second without contact, motion, doubt or a held object is a free rest. Its mean may show a drift of the zero.
+// A second without contact is a rest. One without motion, doubt or a held object is a free rest, which shows the zero.
 inline void Sensor::follow_rest(tactiled_sample& s) noexcept {
     constexpr auto kRestNs = std::uint64_t(ZeroError::kRest_ns);
-    const bool is_free =
-        !may_hold_ && (s.state & TACTILED_CONTACT) == 0 && Zero::can_be_zero(s) && zero_.tare() == Tare::none;
-    if (!is_free) {
+    if ((s.state & TACTILED_CONTACT) != 0 || s.quality == TACTILED_BAD) {
         is_resting_ = false;
     } else if (is_confirmed(s)) {
-        if (!std::exchange(is_resting_, true)) rest_.begin(s.t_ns, kRestNs);
-        if (rest_.add(wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm), s.t_ns)) {
-            is_resting_ = false;
-            if (!rest_.has_moved(sd_of_model_)) end_rest(true_ns(s.t_ns));
+        if (!std::exchange(is_resting_, true)) {
+            rest_.begin(s.t_ns, kRestNs);
+            is_free_ = true;
         }
+        is_free_ = is_free_ && !may_hold_ && Zero::can_be_zero(s) && zero_.tare() == Tare::none;
+        if (rest_.add(wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm), s.t_ns)) end_rest(true_ns(s.t_ns));
     }
     if (has_drifted_) s.reasons |= TACTILED_DRIFTED;
 }
 
 inline void Sensor::end_rest(std::int64_t t_ns) noexcept {
+    is_resting_ = false;
     Wrench rest_S = rest_.mean_S();
     double squares = 0;
     for (std::size_t i = 0; i < 3; ++i)
         if (std::isfinite(rest_S[i])) squares += rest_S[i] * rest_S[i];
     const double limit_N = tuning_->drift_limit_N;
     has_drifted_ = limit_N > 0 && squares > limit_N * limit_N;
+    if (!is_free_ || rest_.has_moved(sd_of_model_)) return;
     const Wrench zero = zero_S();
     for (std::size_t i = 0; i < rest_S.size(); ++i) rest_S[i] -= zero[i];
-    if (zero_.rest(rest_S, sd_of_model_, t_ns)) low_pass_.reset();
+    zero_.rest(rest_S, sd_of_model_, t_ns);
 }
 
 const tactiled_sample& Sensor::compare(const tactiled_sample& others) noexcept {

@@ -220,6 +220,7 @@ private:
     Zero zero_;
     TareWindow rest_;           // the last samples without contact
     bool is_resting_ = false;   // rest_ has begun
+    bool is_free_ = false;      // it may show the zero
     bool may_hold_ = false;     // an object may be held
     bool has_drifted_ = false;  // the last rest was farther than drift_limit_N from the zero of the calibration
     Wrench sd_of_model_{};      // of the last sample, without its zero

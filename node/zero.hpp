@@ -84,9 +84,8 @@ public:
         error_.follow(t_ns, has_shifted());
         return error_.widen(sd);
     }
-    // Takes the mean force of a free rest, after the zero, and the standard deviation of a force there. Returns true if the
-    // zero has moved. rt: wait-free
-    bool rest(const Wrench& force_S, const Wrench& sd, std::int64_t t_ns) noexcept { return error_.rest(force_S, sd, t_ns); }
+    // Takes the mean force of a free rest, after the zero, and the standard deviation of a force there. rt: wait-free
+    void rest(const Wrench& force_S, const Wrench& sd, std::int64_t t_ns) noexcept { error_.rest(force_S, sd, t_ns); }
     [[nodiscard]] bool has_more_to_find() const noexcept { return to_find_ != 0; }
     // Returns the number of finished tares since the last removal.
     [[nodiscard]] std::uint32_t tare_count() const noexcept { return tare_count_; }

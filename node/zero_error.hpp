@@ -1,13 +1,17 @@
 // The standard deviation of the zero in use. It grows from the time when the zero was last known, as the dispersion of a
-// clock does, and a free rest bounds it again. Of each component, in N or Nm:
+// clock does, and free rests bound it. Of each component, in N or Nm:
 //
-//   variance = hidden^2 + (moved / 3)^2 + (rate t)^2 + shift^2
+//   variance = hidden + (moved / 3)^2 + (rate t)^2 + shift^2
 //
 //   t       time since the last tare, removal of a tare or free rest
-//   rate    what calibrate has seen (zero_rate_per_h), at least the standard deviation of the force in each hour
-//   hidden  0 after a tare; after a free rest the force that the rest may hide, which is the sensor's own standard deviation
-//   moved   by which free rests have moved the zero since the tare: a load that grows slowly looks like a drift
+//   rate    what calibrate has seen (zero_rate_per_h), else the standard deviation of the force in each hour
+//   hidden  0 after a tare; K sd^2 after a free rest
+//   moved   K Y, by which free rests have moved the zero since the tare; all of it may be a load that grows slowly
 //   shift   zero_shift of the calibration, while device or mounting may have another zero
+//
+// The mean Y of a free rest, relative to the tare, is a drift with the variance P = (rate time since the tare)^2 plus a
+// light load of the sensor's own standard deviation sd, so that K = P / (P + sd^2) of it is drift. Rests do not add up,
+// because their load may be the same.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -49,28 +53,23 @@ public:
         is_shifted_ = is_shifted;
         next_ns_ = t_ns + kRest_ns;  // rates are slow
         for (std::size_t i = 0; i < variance_.size(); ++i)
-            variance_[i] = hidden_[i] + grown(i, t_ns) + (is_shifted ? square(rates_.shift[i]) : 0);
+            variance_[i] =
+                hidden_[i] + square(moved_[i] / kSure) + grown(i, t_ns) + (is_shifted ? square(rates_.shift[i]) : 0);
     }
     // Takes the mean force of a free rest, after the zero in use, and the standard deviation of a force there; NaN: not
-    // measured. A component beyond its standard deviation may be a load, so that the rest shows nothing. The zero moves
-    // where the rest shows more than is known, but by no more than 3 sd of what the rate explains. Returns true if it has
-    // moved.
-    // rt: wait-free
-    bool rest(const Wrench& force_S, const Wrench& sd, std::int64_t t_ns) noexcept {
+    // measured. A component beyond its standard deviation may be a load, so that the rest shows nothing. No component moves
+    // by more than 3 sd of its drift. rt: wait-free
+    void rest(const Wrench& force_S, const Wrench& sd, std::int64_t t_ns) noexcept {
         for (std::size_t i = 0; i < sd.size(); ++i)
-            if (is_shifted_ || (!std::isnan(force_S[i]) && !(std::abs(force_S[i]) <= sd[i]))) return false;
-        bool any = false;
+            if (is_shifted_ || (!std::isnan(force_S[i]) && !(std::abs(force_S[i]) <= sd[i]))) return;
         for (std::size_t i = 0; i < sd.size(); ++i) {
-            const double moved = moved_[i] + force_S[i], hidden = square(sd[i]) + square(moved / kSure);
-            const bool is_drift = std::abs(moved) <= kSure * rates_.per_s[i] * seconds(t_ns - tared_ns_);
-            if (!is_drift || !(hidden < hidden_[i] + grown(i, t_ns))) continue;
-            hidden_[i] = hidden;
+            const double drift = rates_.per_s[i] * seconds(t_ns - tared_ns_), load = square(sd[i]);
+            const double part = square(drift) / (square(drift) + load), moved = part * (moved_[i] + force_S[i]);
+            if (!(std::abs(moved) <= kSure * drift)) continue;
+            hidden_[i] = part * load;
             moved_[i] = moved;
-            since_ns_[i] = t_ns;
-            any = true;
+            since_ns_[i] = next_ns_ = t_ns;
         }
-        if (any) next_ns_ = t_ns;
-        return any;
     }
 
     [[nodiscard]] const Wrench& moved_S() const noexcept { return moved_; }

@@ -17,7 +17,7 @@ namespace {
 constexpr double kHour_s = 3600;
 constexpr std::size_t kParts = 20;  // of a session: their means depend little on each other
 constexpr std::size_t kFewestParts = 10;
-constexpr double kSure = 3;             // standard errors of a slope
+constexpr double kSure = 4;             // standard errors of a slope: once in 1000 by chance
 constexpr std::size_t kSessions = 5;    // fewer do not show a standard deviation
 constexpr std::size_t kOfSession = 50;  // rows for the scatter of the zeros
 

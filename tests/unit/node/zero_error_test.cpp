@@ -52,23 +52,35 @@ TEST(ZeroError, IsOldBeyondItsLimit) {
     EXPECT_TRUE(error.widen(sd));
 }
 
+// After four hours the drift has a standard deviation of 0.8 N, and a light load one of 0.1 N: 0.64 / 0.65 of a rest is
+// drift.
 TEST(ZeroError, ARestBoundsItByTheForceThatItMayHide) {
     ZeroError error(rates(0.2));
     error.follow(0, false);
     error.follow(4 * kHourNs, false);
-    EXPECT_TRUE(error.rest(fz(0.06), kSd, 4 * kHourNs));
-    EXPECT_EQ(error.moved_S()[2], 0.06);
-    EXPECT_NEAR(sd_of(error, 4 * kHourNs), std::hypot(kSd_N, 0.06 / 3), 1e-12);
-    EXPECT_FALSE(error.rest(fz(0.05), kSd, 4 * kHourNs + kSecondNs)) << "it shows no more than is known";
+    error.rest(fz(0.065), kSd, 4 * kHourNs);
+    EXPECT_NEAR(error.moved_S()[2], 0.064, 1e-12);
+    EXPECT_NEAR(sd_of(error, 4 * kHourNs), std::sqrt(0.01 * 0.64 / 0.65 + 0.064 * 0.064 / 9), 1e-12);
+    error.rest(fz(0.001), kSd, 4 * kHourNs);
+    EXPECT_NEAR(error.moved_S()[2], 0.064, 1e-12) << "the same rest again shows no more";
+}
+
+TEST(ZeroError, ARestSoonAfterATareShowsLittle) {
+    ZeroError error(rates(0.2));
+    error.follow(0, false);
+    error.rest(fz(0.05), kSd, kHourNs / 4);
+    EXPECT_NEAR(error.moved_S()[2], 0.01, 1e-12);
+    EXPECT_LT(sd_of(error, kHourNs / 4), 0.05);
 }
 
 TEST(ZeroError, ARestUnderALoadShowsNothing) {
     ZeroError error(rates(0.2));
     error.follow(0, false);
     error.follow(4 * kHourNs, false);
-    EXPECT_FALSE(error.rest(fz(0.11), kSd, 4 * kHourNs));
-    EXPECT_FALSE(error.rest({0.11, 0, 0.01, kNaN, kNaN, kNaN}, kSd, 4 * kHourNs)) << "all components are judged together";
-    EXPECT_FALSE(error.rest(fz(0.01), {0.1, 0.1, kNaN, kNaN, kNaN, kNaN}, 4 * kHourNs)) << "without a standard deviation";
+    error.rest(fz(0.11), kSd, 4 * kHourNs);
+    error.rest({0.11, 0, 0.01, kNaN, kNaN, kNaN}, kSd, 4 * kHourNs);        // all components are judged together
+    error.rest(fz(0.01), {0.1, 0.1, kNaN, kNaN, kNaN, kNaN}, 4 * kHourNs);  // without a standard deviation
+    EXPECT_EQ(error.moved_S()[2], 0);
     EXPECT_NEAR(sd_of(error, 4 * kHourNs), 0.8, 1e-12);
 }
 
@@ -77,7 +89,7 @@ TEST(ZeroError, AShiftStaysUntilTheNextTareWhateverRests) {
     stated.shift = {0.5, 0.5, 0.5, 0, 0, 0};
     ZeroError error(stated);
     EXPECT_NEAR(sd_of(error, 0, true), 0.5, 1e-12);
-    EXPECT_FALSE(error.rest(fz(0), kSd, kHourNs));
+    error.rest(fz(0), kSd, kHourNs);
     EXPECT_NEAR(sd_of(error, kHourNs, true), std::hypot(0.5, 0.2), 1e-12);
     error.know();
     EXPECT_EQ(sd_of(error, 2 * kHourNs), 0);
@@ -91,7 +103,7 @@ TEST(ZeroError, ALoadThatGrowsSlowlyIsNeverFarBeyondItsStandardDeviation) {
         for (std::int64_t t_ns = 0; t_ns < 10 * kHourNs; t_ns += kSecondNs) {
             if (t_ns % (600 * kSecondNs) == 0) load_N += step_N;
             const double sd = std::hypot(sd_of(error, t_ns), kSd_N);
-            (void)error.rest(fz(load_N - error.moved_S()[2]), kSd, t_ns);
+            error.rest(fz(load_N - error.moved_S()[2]), kSd, t_ns);
             worst = std::max(worst, std::abs(error.moved_S()[2]) / sd);
         }
         EXPECT_LT(worst, 3.01) << step_N;
@@ -114,11 +126,11 @@ TEST(ZeroError, OfADriftIsTrue) {
                 const double true_N = drift_N_per_h * double(t_ns) / double(kHourNs);
                 beyond += std::abs(true_N - error.moved_S()[2]) > 2 * sd[2] ? 1 : 0;
                 ++samples;
-                if (rests && t_ns % (60 * kSecondNs) == 0) (void)error.rest(fz(true_N - error.moved_S()[2]), kSd, t_ns);
+                if (rests && t_ns % (60 * kSecondNs) == 0) error.rest(fz(true_N - error.moved_S()[2]), kSd, t_ns);
             }
         }
         EXPECT_LT(double(beyond) / samples, 0.1) << rests;
-        EXPECT_EQ(old > 0, !rests) << "a limit of 1 N is five hours away";
+        EXPECT_EQ(double(old) / samples < 0.05, rests) << double(old) / samples << ": the limit of 1 N is five hours away";
     }
 }
 
@@ -158,8 +170,8 @@ private:
 TEST(SensorRest, ASecondWithoutContactMovesTheZero) {
     Drifting drifting;
     const double small_N = Through::kSd_N / 2;
-    EXPECT_NEAR(drifting.send(small_N, 30).force_S_N[2], small_N, 1e-12) << "too early";
-    EXPECT_NEAR(drifting.send(small_N, 90).force_S_N[2], 0, 1e-12);
+    EXPECT_GT(drifting.send(small_N, 10).force_S_N[2], 0.95 * small_N) << "too early for a drift";
+    EXPECT_LT(drifting.send(small_N, 900).force_S_N[2], 0.01 * small_N);
     EXPECT_EQ(drifting.sensor().last().raw_force_S_N[2], small_N);
 }
 
@@ -197,8 +209,9 @@ TEST(SensorRest, AShiftThatTheCalibrationKnowsIsInTheStandardDeviation) {
     setup.decoupler = std::make_unique<Through>(100, Through::kSd_N);
     Sensor sensor(std::move(setup));
     sensor.start(7, 0);
-    const tactiled_sample s = sensor.sample(frame(kMs, 0, 0, -1), kMs);
-    EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
+    (void)sensor.sample(frame(kMs, 0, 0, -1), kMs);
+    const tactiled_sample s = sensor.sample(frame(2 * kMs, 0, 0, -1), 2 * kMs);
+    EXPECT_EQ(s.reasons, 0u);
     EXPECT_NEAR(s.sd_force_N[2], std::hypot(0.3, Through::kSd_N), 1e-9);
 }
 
