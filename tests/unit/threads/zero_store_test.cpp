@@ -196,7 +196,7 @@ TEST_F(ZeroStoreTest, OfMethodAutoEachMethodHasItsOwn) {
         auto before = sensors();
         TaredZero zero{3, 2, {}};  // "fast" has no zero
         zero.of_method[0] = {0, 0, -20, 0, 0, 0};
-        before[0].restore_zero(zero, std::nullopt);
+        before[0].restore_zero(zero, 0, std::nullopt);
         EXPECT_TRUE(keep(store, before[0]));
     }
     two.methods = {"fast", "exact"};
