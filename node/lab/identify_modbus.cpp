@@ -9,6 +9,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "config/text_file.hpp"
 #include "drivers/driver.hpp"
 #include "drivers/modbus_device.hpp"
 #include "node/ctl/verb.hpp"
@@ -36,12 +37,12 @@ RegisterRows read_rows(const ModbusBlock& block, std::uint16_t first, std::size_
     std::vector<std::string> registers;
     for (std::size_t i = 0; i < count; ++i)
         registers.push_back(fmt::format("{{name = \"r{0}\", at = {0}, type = \"uint16\"}}", first + i));
-    const std::string keys =
-        fmt::format("{}timeout_ms = {}\n[[slave]]\nunit = {}\nfunction = {}\nrate_Hz = {}\nregisters = [{}]\n", block.wire,
-                    kTimeoutMs, block.unit, block.function, rate_Hz(block, count), fmt::join(registers, ", "));
+    const std::string keys = fmt::format(
+        "driver = \"modbus\"\n{}timeout_ms = {}\n[[slave]]\nunit = {}\nfunction = {}\nrate_Hz = {}\nregisters = [{}]\n",
+        block.wire, kTimeoutMs, block.unit, block.function, rate_Hz(block, count), fmt::join(registers, ", "));
     Problems problems;
     Options options = Options::parse_text(keys, "the device", problems);
-    const auto driver = Drivers::find("modbus")->make(options);
+    const auto driver = Drivers::find(options.text("driver"))->make(options);
     problems.throw_if_any();
     if (const std::string why = driver->open(); !why.empty()) throw std::runtime_error(why);
     RegisterRows answers{first, {}};
@@ -175,7 +176,7 @@ std::optional<ModbusBlock> modbus_device_of_link(const std::string& config, cons
     Problems problems;
     Options root = Options::parse_file(config, problems);
     for (Options& table : root.tables("link")) {
-        if (table.text("name", "") != link || table.text("driver", "") != "modbus") continue;
+        if (table.text("name", "") != link || !table.has("slave")) continue;
         const bool is_tcp = table.has("address");
         ModbusBlock block =
             modbus_device_at(table.text(is_tcp ? "address" : "device"),

@@ -9,7 +9,7 @@ namespace tactiled::ctl {
 
 // The registers of one type at one device, and how to reach it.
 struct ModbusBlock {
-    std::string name;   // of the printed [[link]]
+    std::string name;   // the printed [[link]] has this name
     std::string wire;   // its keys: address, or device, baud and parity
     unsigned baud = 0;  // 0 over TCP
     unsigned unit = 1;
@@ -24,8 +24,8 @@ void set_registers(ModbusBlock& block, const std::string& range);
 // Returns the device at a path or ADDRESS:PORT. `baud` and `parity` are ignored for an address.
 ModbusBlock modbus_device_at(const std::string& where, unsigned baud, const std::string& parity);
 
-// Returns the first device of a [[link]] of `config`, or the one at `unit`, with the registers of its channels; nullopt if
-// there is no such link, or one of another driver. setup: throws SetupError where the link has errors
+// Returns the first [[link.slave]] of a link of `config`, or the one at `unit`, with the registers of its channels; nullopt
+// if the link is missing or has none. setup: throws SetupError where the link has errors
 std::optional<ModbusBlock> modbus_device_of_link(const std::string& config, const std::string& link,
                                                  std::optional<std::size_t> unit);
 

@@ -15,7 +15,7 @@ struct NumberFormat {
     const char* name;
     std::size_t words;
     bool is_signed, is_float;
-    int digits;  // of the mantissa
+    int digits;  // mantissa, binary
 };
 constexpr NumberFormat kFormats[] = {
     {"int16", 1, true, false, 15},   {"uint16", 1, false, false, 16}, {"int32", 2, true, false, 31},
@@ -116,7 +116,7 @@ private:
 
 struct Motion {
     double bits = 0;                  // for all rows after the first
-    double jump_bits = 0, jumps = 0;  // of those that differ from the previous one
+    double jump_bits = 0, jumps = 0;  // rows that differ from the previous one
 };
 
 // Codes the motion of a series from its previous value or from its running mean. Repetitions are coded apart, and with
@@ -231,7 +231,7 @@ private:
     }
     std::uint16_t first_;
     std::vector<std::vector<std::uint16_t>> rows_;
-    std::vector<double> word_bits_;  // of each register that belongs to no number, in any order of bytes
+    std::vector<double> word_bits_;  // each register that belongs to no number, in any order of bytes
 };
 
 }  // namespace
@@ -278,7 +278,7 @@ std::vector<std::size_t> equals(const std::vector<Interpretation>& ranked) {
         // the next block of equal numbers is no worse, because of other registers beside it
         const bool is_beside = same_order && one.type == best.type && one.plausible &&
                                std::size_t(std::abs(one.at - best.at)) % words_of(one.type) == 0;
-        // of two types of the same bits, both codes lose the same
+        // the codes of two types of the same bits lose the same
         const double loss = same_order && one.at == best.at ? 0 : kLossBits * double(best.numbers[0].size());
         if (is_beside || one.bits < best.bits + kRareBits + loss) found.push_back(i);
     }

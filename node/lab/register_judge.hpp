@@ -19,7 +19,7 @@ struct RegisterRows {
 };
 
 enum class NumberType { int16, uint16, int32, uint32, float32, float64 };
-const char* name_of(NumberType type);  // as in the configuration
+const char* name_of(NumberType type);  // the name in the configuration
 std::size_t words_of(NumberType type);
 
 struct Interpretation {
@@ -29,7 +29,7 @@ struct Interpretation {
     double bits = 0;       // length of the code of all words, including those that belong to no number
     // Every number has a usual magnitude, 1e-4 .. 1e6 or 0, and moves less than its type can.
     bool plausible = true;
-    std::vector<std::vector<double>> numbers;  // of each channel: one per row
+    std::vector<std::vector<double>> numbers;  // each channel has one per row
 
     // Returns the type and its order as text, such as "float32, low_first, at 100".
     [[nodiscard]] std::string text() const;

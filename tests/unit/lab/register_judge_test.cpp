@@ -161,7 +161,7 @@ struct RandomDevice {
         const double largest = is_float ? log_between(0.01, 1000) : log_between(3, full);
         const bool from_middle = !has_sign && below(2) == 0;  // offset binary code
         const double step = !is_float ? 1 : below(3) == 0 ? largest * log_between(1e-4, 0.1) : below(2) == 0 ? 0.01 : 0;
-        std::vector<Axis> axes(n + 2);  // those beside, too
+        std::vector<Axis> axes(n + 2);  // the last two are beside the block
         for (Axis& axis : axes) {
             const double gain = below(15) == 0 ? 0 : largest * log_between(0.03, 1);
             axis = {from_middle     ? full / 2
