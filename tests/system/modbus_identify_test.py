@@ -38,7 +38,8 @@ class Identify(unittest.TestCase):
     def slave(self, number, scale=1.0, first=100):
         port = free_port()
         script = PYMODBUS.replace('if kind == "tcp":', MOVES + 'if kind == "tcp":').replace("[int(v) & 0xFFFF for v in sys.argv[5:]]", "[0]")
-        slave = subprocess.Popen(["/usr/bin/python3", "-c", script, "tcp", str(port), "3", str(first), number, str(scale)])
+        slave = subprocess.Popen(["/usr/bin/python3", "-c", script, "tcp", str(port), "3", str(first), number, str(scale)],
+                                 stderr=subprocess.DEVNULL)
         self.addCleanup(slave.wait)
         self.addCleanup(slave.kill)
         return f"127.0.0.1:{port}"
