@@ -19,8 +19,10 @@ inline constexpr Verb kLaboratoryVerbs[] = {
      "my.toml --reference ft300 --append labelled.csv\n"},
     {"decouple", nullptr, "Turns a file of readings into forces, with the code that the daemon runs", ""},
     {"identify", nullptr,
-     "Detects what a serial port or a TCP device sends: format, channels and rate; prints a [[link]] to paste",
-     "  tactilectl identify /dev/ttyACM0 >> my.toml\n  tactilectl identify 192.168.1.1:63350\n"},
+     "Detects what a serial port or a TCP device sends: format, channels and rate; or, with --registers, how those of a "
+     "Modbus device are read: type, word order and first register; prints a [[link]] to paste",
+     "  tactilectl identify /dev/ttyACM0 >> my.toml\n  tactilectl identify 192.168.1.1:63350\n  tactilectl identify "
+     "192.168.1.1:502 --unit 1 --registers 100..105\n"},
     {"play", nullptr, "Plays a recording as a device behind a pty",
      "  tactilectl play --in signals.csv --pty /tmp/skin --format lines --sequence --loop\n"},
     {"simulate", nullptr, "Simulates the readings of sensors in a scene, with its disturbances", ""},

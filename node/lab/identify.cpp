@@ -1,12 +1,15 @@
-// tactilectl identify LINK|DEVICE: recognises the format that a port sends, and prints the [[link]] that reads it.
+// tactilectl identify LINK|DEVICE: recognises the format that a port sends, or that of a Modbus device's registers, and
+// prints the [[link]] that reads it.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "node/ctl/command_line.hpp"
+#include "node/lab/identify_modbus.hpp"
 #include "node/lab/listen.hpp"
 
 namespace tactiled::ctl {
@@ -17,6 +20,9 @@ struct Args {
     unsigned baud = 0;
     double seconds = 1.5;
     bool json = false;
+    // Modbus alone
+    std::string registers, parity = "even", type;
+    std::optional<std::size_t> unit, function;
 };
 
 // Mean, extremes and scatter of a channel in the daemon's own decoder.
@@ -62,6 +68,18 @@ std::vector<ChannelSeen> decode(const Heard& heard, std::size_t& frames) {
 int identify(const Args& args) {
     catch_interrupt();
     const std::string port = device_of(args.what);
+    std::optional<ModbusBlock> block;
+    if (port.empty())
+        block = modbus_device_of_link(args.config, args.what, args.unit);
+    else if (!args.registers.empty())
+        block = modbus_device_at(port, args.baud, args.parity);
+    if (block) {
+        if (!args.name.empty()) block->name = args.name;
+        if (args.unit) block->unit = unsigned(*args.unit);
+        if (args.function) block->function = unsigned(*args.function);
+        if (!args.registers.empty()) set_registers(*block, args.registers);
+        return identify_modbus(*block, args.seconds, args.type, args.json);
+    }
     NamedDevice named{port, args.baud};
     if (port.empty()) named = device_of_link(args.config, args.what);
     if (args.baud != 0) named.baud = args.baud;
@@ -116,7 +134,17 @@ Run add_identify(Command verb) {
     verb.add_option("--config", args->config, "the configuration that has the link").show_default();
     verb.add_option("--name", args->name, "name of the printed [[link]]");
     verb.add_option("--baud", args->baud, "try this rate alone").integer_in(50, 12'000'000);
-    verb.add_option("--seconds", args->seconds, "time to listen at each rate").number_in(0.2, 600.0).show_default();
+    verb.add_option(
+        "--registers", args->registers,
+        "FIRST..LAST: asks a Modbus device for registers of one type, and finds type, word order and first register");
+    verb.add_option("--unit", args->unit, "Modbus address (1)").integer_in(0, 255);
+    verb.add_option("--function", args->function, "3 or 4, by default the one that is answered").integer_in(3, 4);
+    verb.add_option("--parity", args->parity, "of a Modbus line").one_of({"none", "odd", "even"}).show_default();
+    verb.add_option("--type", args->type, "type of the registers, if the manual states it")
+        .one_of({"int16", "uint16", "int32", "uint32", "float32"});
+    verb.add_option("--seconds", args->seconds, "time to listen at each rate, or to read registers")
+        .number_in(0.2, 600.0)
+        .show_default();
     verb.add_flag("--json", args->json, "one JSON object");
     return [args] { return identify(*args); };
 }
