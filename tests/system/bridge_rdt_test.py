@@ -24,7 +24,7 @@ class Rdt(unittest.TestCase):
         self.daemon = unit_daemon(self.rows).start()
         self.addCleanup(shutil.rmtree, self.daemon.folder)
         self.addCleanup(self.daemon.__exit__)
-        wait_for(quality_is(self.daemon, "good"), 5, "a good value")
+        wait_for(quality_is(self.daemon, "good"), "a good value")
         self.port = free_port()
 
     def bridge(self, *words):
@@ -38,7 +38,7 @@ class Rdt(unittest.TestCase):
         return client
 
     def refused(self, *words):
-        done = subprocess.run([BIN / "tactiled-rdt", "--node", self.daemon.name, *words], capture_output=True, text=True, timeout=10)
+        done = subprocess.run([BIN / "tactiled-rdt", "--node", self.daemon.name, *words], capture_output=True, text=True, timeout=60)
         self.assertEqual(done.returncode, 2, done.stderr)
         return done.stderr
 
@@ -113,7 +113,7 @@ class Rdt(unittest.TestCase):
         client.request(STREAM)
         client.record()
         client.close()
-        wait_for(lambda: "no client" in server.log().splitlines()[-1], 5, "the stream's end")
+        wait_for(lambda: "no client" in server.log().splitlines()[-1], "the stream's end")
 
     def test_a_bias_is_refused_unless_allowed_and_is_of_one_client(self):
         server = self.bridge("--zero", "mx,my,mz")

@@ -80,7 +80,7 @@ class Restart(unittest.TestCase):
             (self.daemon.folder / f"{name}.csv").write_text(f"t_s,c1,c2,c3\n0,{row}\n0.01,{row}\n")
             self.daemon.play("--in", self.daemon.folder / f"{name}.csv", "--pty", self.daemon.folder / name, "--format", "lines", "--sequence", "--rate", 200, "--loop")
         self.daemon.start()
-        wait_for(quality_is(self.daemon, "good"), 5, "a good value")
+        wait_for(quality_is(self.daemon, "good"), "a good value")
         self.seen, self.bridges = Seen(), []
         broker = free_port()
         settings = self.daemon.folder / "mosquitto.conf"
@@ -92,7 +92,7 @@ class Restart(unittest.TestCase):
         self.bridges = [self.start(bridge("mqtt", self.daemon.name, "--port", broker, "--rate-Hz", 0)), self.start(bridge("dds", self.daemon.name, "--domain", DOMAIN, "--name", "hand")),
                         self.start(bridge("rdt", self.daemon.name, "--zero", "mx,my,mz", "--sensor", "left", "--listen", f"127.0.0.1:{ports[0]}", "--sensor", "right", "--listen", f"127.0.0.1:{ports[1]}"))]
         for name, port in zip(("left", "right"), ports):
-            client = Client(port)
+            client = Client(port, timeout=1)
             self.addCleanup(client.close)
             client.request(2)
             self.seen.follow_rdt(name, client)
@@ -112,7 +112,7 @@ class Restart(unittest.TestCase):
     def until_more(self, streams):
         """Waits until so many streams have given ten further values."""
         before = self.seen.counts()
-        wait_for(lambda: sum(n > before.get(key, 0) + 10 for key, n in self.seen.counts().items()) == streams, 15, f"{streams} streams: {self.seen.counts()}")
+        wait_for(lambda: sum(n > before.get(key, 0) + 10 for key, n in self.seen.counts().items()) == streams, f"{streams} streams: {self.seen.counts()}")
 
     def test_values_stay_with_their_names_when_the_daemon_restarts_with_other_sensors(self):
         for names, streams in ((("right", "left"), 6), (("third", "right", "left"), 8), (("right",), 3), (("left", "third", "right"), 8)):

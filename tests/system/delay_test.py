@@ -59,7 +59,7 @@ class Chain:
             self.stack.enter_context(self.daemon)
             self.daemon.start()
             self.node = self.stack.enter_context(tactiled.open(self.daemon.name))
-            wait_for(lambda: self.node.latest("s").quality == tactiled.GOOD, 10, "a GOOD sample")
+            wait_for(lambda: self.node.latest("s").quality == tactiled.GOOD, "a GOOD sample")
             self.watch(3)
             failed.pop_all()
         return self
@@ -133,7 +133,7 @@ class Depths(Witnessed):
             # On a busy machine a frame may be truly late at any moment, and its value BAD.
             for (end, fields), chain in zip(about, chains):
                 if "clock" in fields:
-                    wait_for(lambda c=chain: c.quality() == tactiled.GOOD, 15, f"GOOD: {end}, {fields}")
+                    wait_for(lambda c=chain: c.quality() == tactiled.GOOD, f"GOOD: {end}, {fields}")
 
     @longer
     def test_lost_bytes_swapped_and_repeated_frames_and_a_clock_that_jumps_give_no_wrong_value(self):
@@ -158,7 +158,7 @@ class Depths(Witnessed):
             for chain, seen in zip(chains, of_each(chains, strike)):
                 for i, one in enumerate(seen):
                     self.assert_young(one, (chain.daemon.config.read_text(), i))
-                wait_for(lambda c=chain: c.quality() == tactiled.GOOD, 15, "GOOD again")
+                wait_for(lambda c=chain: c.quality() == tactiled.GOOD, "GOOD again")
 
     @longer
     def test_a_lag_that_begins_with_a_leap_of_the_clock_or_with_a_start_of_the_device_is_not_good(self):
@@ -172,7 +172,7 @@ class Depths(Witnessed):
                     chain.tell(f"keep 1\nlag 1\n{words}")
                     seen.append(chain.watch(2.5))
                     chain.tell("keep 0\nlag 0")
-                    wait_for(lambda: chain.quality() == tactiled.GOOD, 15, f"GOOD after {words}")
+                    wait_for(lambda: chain.quality() == tactiled.GOOD, f"GOOD after {words}")
                 return seen
             for chain, seen in zip(chains, of_each(chains, strike)):
                 for i, one in enumerate(seen):
@@ -294,7 +294,7 @@ class Stalls(Witnessed):
                     for one in stalls:
                         one.result()
                 begun_s = time.monotonic()
-                good_s = of_each(chains, lambda chain: wait_for(lambda: chain.quality() == tactiled.GOOD, 10, "GOOD again")
+                good_s = of_each(chains, lambda chain: wait_for(lambda: chain.quality() == tactiled.GOOD, "GOOD again")
                                  or time.monotonic() - begun_s)
                 for path, one, after_s in zip(self.PATHS, seen, good_s):
                     print(round_, *path[:2], f"oldest GOOD {one[0]:.0f} ms, GOOD again after {after_s:.1f} s", sep="; ", flush=True)
@@ -335,7 +335,7 @@ class OddDevices(Witnessed):
                 for one in seen:
                     self.assert_young(one, chain.daemon.config.read_text())
             for chain in chains:
-                wait_for(lambda c=chain: c.quality() == tactiled.GOOD, 15, "GOOD again")
+                wait_for(lambda c=chain: c.quality() == tactiled.GOOD, "GOOD again")
 
 
 @longer
@@ -373,7 +373,7 @@ class Suspended(unittest.TestCase):
                 # On a busy machine a frame may be truly late at any moment.
                 for fields, chain in zip(FIELDS, chains):
                     if "clock" in fields or "direct" in keys:
-                        wait_for(lambda c=chain: c.quality() == tactiled.GOOD, 5, f"GOOD: {keys}, {fields}")
+                        wait_for(lambda c=chain: c.quality() == tactiled.GOOD, f"GOOD: {keys}, {fields}")
 
 
 @longer
@@ -407,7 +407,7 @@ class Veth(unittest.TestCase):
                 for fields, one in zip(FIELDS[1:] * 2, seen):
                     self.assertLess(one[0], STALE_MS + ORDINARY_MS, (fields, end, down_s))
             for fields, chain in zip(FIELDS[1:], chains):
-                wait_for(lambda c=chain: c.quality() == tactiled.GOOD, 15, f"GOOD with {fields}")
+                wait_for(lambda c=chain: c.quality() == tactiled.GOOD, f"GOOD with {fields}")
 
 
 if __name__ == "__main__":

@@ -133,8 +133,8 @@ class Echo(unittest.TestCase):
                 (daemon.folder / "unit.toml").write_text(CALIBRATION)
                 daemon.start()
                 with tactiled.open(daemon.name) as node:
-                    wait_for(lambda: all(node.latest(name).quality == tactiled.GOOD for name in ANSWERS), 10, "GOOD samples")
-                    wait_for(lambda: all(node.latest(name).quality == tactiled.UNCERTAIN for name in OTHERS), 10, "frames")
+                    wait_for(lambda: all(node.latest(name).quality == tactiled.GOOD for name in ANSWERS), "GOOD samples")
+                    wait_for(lambda: all(node.latest(name).quality == tactiled.UNCERTAIN for name in OTHERS), "frames")
                     until = time.monotonic() + UNPROVED_S
                     while time.monotonic() < until:
                         cls.looks += 1
@@ -199,7 +199,7 @@ class SimulatedDevices(unittest.TestCase):
         device = subprocess.Popen(words, stderr=subprocess.DEVNULL, env={**os.environ, "ARDUINO": str(self.path)})
         self.addCleanup(device.wait, 10)
         self.addCleanup(device.terminate)
-        wait_for(self.path.is_symlink, 10, "the port")
+        wait_for(self.path.is_symlink, "the port")
         self.port = os.open(self.path, os.O_RDWR | os.O_NOCTTY)
         self.addCleanup(os.close, self.port)
         tty.setraw(self.port)

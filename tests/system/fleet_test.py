@@ -158,7 +158,7 @@ class Fleet(unittest.TestCase):
 
     def test_every_gripper_is_seen_by_each_client_and_nothing_is_lost(self):
         began = time.monotonic()
-        wait_for(lambda: self.seen() == (FLEET, FLEET), 60 + 2 * FLEET, f"all grippers: {self.seen()}")
+        wait_for(lambda: self.seen() == (FLEET, FLEET), f"all grippers: {self.seen()}", 60 + 2 * FLEET)
         print(f"\n{FLEET} grippers are seen by all clients after {time.monotonic() - began:.1f} s")
         time.sleep(2)
         at = (len(self.mqtt.lines), len(self.dds.lines), self.cpu(), time.monotonic())
@@ -215,7 +215,7 @@ class Fleet(unittest.TestCase):
             now = self.dropped()
             return [now[name] - before[name] for name in self.names]
 
-        wait_for(lambda: min(news()) >= expected, 60, f"the counts of what was dropped: {news()}")
+        wait_for(lambda: min(news()) >= expected, f"the counts of what was dropped: {news()}", 60)
         print(f"broker away for {SECONDS:.0f} s: every bridge is back after {time.monotonic() - back:.1f} s and reports "
               f"{min(news())} to {max(news())} dropped messages")
 

@@ -128,7 +128,7 @@ class Rig:
         self.stack.enter_context(self.daemon)
         self.daemon.start()
         self.node = self.stack.enter_context(tactiled.open(self.daemon.name))
-        wait_for(lambda: self.node.latest("s").quality == tactiled.GOOD, 10, "a GOOD sample")
+        wait_for(lambda: self.node.latest("s").quality == tactiled.GOOD, "a GOOD sample")
         self.watch(1.5)
         return self
 
@@ -185,7 +185,7 @@ class Freshness(unittest.TestCase):
         with Rig() as rig:
             self.assertLess(rig.node.info("s").age_bound_us, STALE_MS * 1000)
             rig.bridge.paused = True
-            wait_for(lambda: rig.latest().quality == tactiled.BAD, 5, "the end of the frames")
+            wait_for(lambda: rig.latest().quality == tactiled.BAD, "the end of the frames")
             time.sleep(0.3)
             began = time.monotonic()
             bounds_ms = [rig.node.info("s").age_bound_us / 1000]  # it grows with the age of the last frame

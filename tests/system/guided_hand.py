@@ -78,4 +78,4 @@ def guide(daemon, words, steps):
         process.stdin.flush()
     process.stdin.close()
     process.stdout.close()
-    return process.wait(timeout=10), printed
+    return process.wait(timeout=60), printed

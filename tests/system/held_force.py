@@ -94,26 +94,26 @@ class Held:
     def start(self):
         before = self.starts()
         self.daemon.start()
-        wait_for(lambda: self.starts() > before, 10, "the start")  # a daemon that was killed leaves its segment
+        wait_for(lambda: self.starts() > before, "the start")  # a daemon that was killed leaves its segment
         self.settle()
 
     def restart(self, number=signal.SIGTERM, then_N=None):
         """then_N: the force from the end on."""
         self.daemon.process.send_signal(number)
-        self.daemon.process.wait(timeout=10)
+        self.daemon.process.wait(timeout=60)
         if then_N is not None:
             self.device.force_N = [0.0, 0.0, then_N]
         self.start()
 
     def press(self, force_N):
         self.device.force_N = [0.0, 0.0, force_N]
-        wait_for(lambda: abs((self.sample()["raw_force_S_N"][2] or 0) - force_N) < 0.1, 5, f"{force_N} N")
+        wait_for(lambda: abs((self.sample()["raw_force_S_N"][2] or 0) - force_N) < 0.1, f"{force_N} N")
 
     def sample(self):
         return json.loads(self.daemon.ctl("status", "--json").stdout)["sensors"][0]
 
     def settle(self):
-        wait_for(lambda: self.sample()["quality"].split(":")[0] in ("good", "uncertain"), 10, "a value")
+        wait_for(lambda: self.sample()["quality"].split(":")[0] in ("good", "uncertain"), "a value")
 
     def read_force(self):
         """Returns (quality word, fz in N) of the newest sample with a value, because a busy machine interrupts the
@@ -186,5 +186,5 @@ class Plc:
         exception = self.write(5000, code, mask, 0, 0, number)
         if exception:
             return exception
-        wait_for(lambda: self.outcome()[1] != 1, 10, "the command")
+        wait_for(lambda: self.outcome()[1] != 1, "the command")
         return self.outcome()

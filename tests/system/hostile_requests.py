@@ -84,7 +84,7 @@ def tare_while_taring(port, gap_s=0.0):
     requests = [register(5010, 1), register(5010, 1), coil(0, 0xFF00), pdus.registers(5010, (1, 0)),
                 pdus.exchange(0, 1, 5010, (1,)), pdus.coils(0, 1, b"\1")]
     with Client(port) as client:
-        wait_for(lambda: is_idle(client), 5, "earlier commands to end")
+        wait_for(lambda: is_idle(client), "earlier commands to end")
         before, = values(client, 120, 1)
         if gap_s == 0:
             client.send(b"".join(map(adu, requests)))
@@ -93,7 +93,7 @@ def tare_while_taring(port, gap_s=0.0):
             got = [client.ask(requests[0])]
             time.sleep(gap_s)
             got += map(client.ask, requests[1:])
-        wait_for(lambda: values(client, 120, 1) != (before,) and is_idle(client), 5, "the tare to end")
+        wait_for(lambda: values(client, 120, 1) != (before,) and is_idle(client), "the tare to end")
         tares = (values(client, 120, 1)[0] - before) & 0xFFFF
     want = requests[:1] + [pdus.refusal(pdu, 6) for pdu in requests[1:]]
     if (got, tares) != (want, 1):
@@ -106,7 +106,7 @@ def save_while_saving(port):
     with Client(port) as client:
         client.send(adu(save) * 20)
         got = [client.frame()[7:] for _ in range(20)]
-        wait_for(lambda: client.ask(read(3, 5091, 1)) != pdus.holds(3, 1), 5, "SAVE to end")
+        wait_for(lambda: client.ask(read(3, 5091, 1)) != pdus.holds(3, 1), "SAVE to end")
         end = client.ask(read(3, 5091, 1))
     bad = [pdu for pdu in got if pdu not in (save, pdus.refusal(save, 6))]
     return "" if got[0] == save and not bad and end == pdus.holds(3, 0) else f"{show(got)}, at the end {show(end)}"

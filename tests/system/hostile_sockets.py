@@ -133,7 +133,7 @@ def connections_that_stay(port):
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, min(hard, 4096)), hard))
     clients = [Client(port, seconds=PATIENT_S) for _ in range(1100)]
-    wait_for(lambda: places_taken(clients) <= PLACES, 3, "the server to close the rest")
+    wait_for(lambda: places_taken(clients) <= PLACES, "the server to close the rest")
     for client in clients:
         client.socket.close()
     return ""
@@ -148,7 +148,7 @@ def places_taken(clients):
 
 def silent_clients(port):
     clients = [Client(port, seconds=PATIENT_S) for _ in range(3 * PLACES)]
-    wait_for(lambda: places_taken(clients) <= PLACES, 1, "the server to close the rest")
+    wait_for(lambda: places_taken(clients) <= PLACES, "the server to close the rest")
     answer, until = None, time.monotonic() + 7  # a place is free 5 s after its client has connected
     while answer != MAGIC_IS and time.monotonic() < until:
         with Client(port) as late:

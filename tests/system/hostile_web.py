@@ -148,14 +148,14 @@ def ordinary(web, seconds):
     """An open page and a client with a new connection for each request: durations of its requests, and the longest silence of the page, in
     s."""
     from web_server import Stream
-    stream = Stream(web, timeout=30)
+    stream = Stream(web)
     stream.until(lambda name, _: name == "frame")
     ended, silence = threading.Event(), [0.0]
 
     def page():
         last = time.monotonic()
         while not ended.is_set():
-            stream.until(lambda name, _: name == "frame", 30)
+            stream.until(lambda name, _: name == "frame")
             silence[0], last = max(silence[0], time.monotonic() - last), time.monotonic()
     thread = threading.Thread(target=page)
     thread.start()

@@ -83,7 +83,7 @@ class Hostile(unittest.TestCase):
         afterwards."""
         with unit_daemon(rows="0,1,2,-3\n0.005,1,2,-3\n", config=config + SENSOR) as daemon:
             daemon.start()
-            wait_for(quality_is(daemon, "good"), 3, "a good sample")
+            wait_for(quality_is(daemon, "good"), "a good sample")
             began = time.monotonic()
             stop = multiprocessing.Event()
             mine, its = multiprocessing.Pipe()

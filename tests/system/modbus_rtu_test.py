@@ -31,7 +31,7 @@ def socat_pair(near, far):
     """Makes two ends of a serial line; yields the process."""
     with subprocess.Popen(["socat", f"pty,raw,echo=0,link={near}", f"pty,raw,echo=0,link={far}"]) as process:
         try:
-            wait_for(lambda: near.is_symlink() and far.is_symlink(), 5, "socat's ptys")
+            wait_for(lambda: near.is_symlink() and far.is_symlink(), "socat's ptys")
             yield process
         finally:
             process.terminate()
@@ -71,7 +71,7 @@ class OnTheLine(unittest.TestCase):
         start_map(self.daemon)
         self.until_answered()
 
-    def until_answered(self, seconds=3):
+    def until_answered(self, seconds=30):
         """Sends requests until the daemon has the line open; returns the duration."""
         began = time.monotonic()
         while True:

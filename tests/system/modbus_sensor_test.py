@@ -87,10 +87,10 @@ class RealSlaves(unittest.TestCase):
                            f'registers_file = "{ROOT}/config/devices/robotiq_ft300.toml"\n',
                            SENSOR + 'channels = ["c1", "c2", "c3", "-", "-", "-"]\n') as d:
             d.others.append(subprocess.Popen(["socat", f"pty,raw,echo=0,link={d.folder}/here", f"pty,raw,echo=0,link={d.folder}/there"]))
-            wait_for((d.folder / "there").exists, 5, "socat")
+            wait_for((d.folder / "there").exists, "socat")
             d.others.append(pymodbus_slave("rtu", d.folder / "there", 9, 180, FT300))
             d.start()
-            wait_for(is_good(d), 10, "a good sample")
+            wait_for(is_good(d), "a good sample")
             for got, sent in zip(sensor(d)["force_S_N"], FT300):
                 self.assertAlmostEqual(got, sent / 100, places=9)  # N
 
@@ -105,7 +105,7 @@ class RealSlaves(unittest.TestCase):
                            SENSOR + f"channels = [{twelve}, {unused}]\n" + right) as d:
             d.start()  # before its device: it waits for the device
             d.others.append(pymodbus_slave("tcp", port, 65, 257, values))
-            wait_for(is_good(d, 1), 10, "a good sample")
+            wait_for(is_good(d, 1), "a good sample")
             for index, sent in enumerate(([1, -2, 3], [-4, 5, 6])):
                 for got, value in zip(sensor(d, index)["force_S_N"], sent):
                     self.assertAlmostEqual(got, value, places=9)  # N
@@ -118,7 +118,7 @@ class RealSlaves(unittest.TestCase):
                            SENSOR + 'channels = ["c1", "c2", "c3", "-", "-", "-"]\n') as d:
             d.others.append(pymodbus_slave("tcp", port, 64, 257, values))
             d.start()
-            wait_for(lambda: counts(d)["bad_value"] > 20, 10, "answers")
+            wait_for(lambda: counts(d)["bad_value"] > 20, "answers")
             self.assertEqual(counts(d)["frames"], 0)
             self.assertTrue(sensor(d)["quality"].startswith("bad"))
 
@@ -128,7 +128,7 @@ class RealSlaves(unittest.TestCase):
         slave.start()
         with modbus_daemon(f'address = "127.0.0.1:{server.port}"\ntimeout_ms = 200\n\n[[link.slave]]\nrate_Hz = 200\n' + THREE) as d:
             d.start()
-            wait_for(is_good(d), 5, "a good sample")
+            wait_for(is_good(d), "a good sample")
             before, began = counts(d)["frames"], time.monotonic()
             time.sleep(5)
             frames, seconds = counts(d)["frames"] - before, time.monotonic() - began
@@ -148,7 +148,7 @@ class HostileSlaves(unittest.TestCase):
                 witness = Witness(d)
                 time.sleep(seconds)
                 slave.misdeeds = {}
-                wait_for(is_good(d), 5, "a good sample after it came to reason")
+                wait_for(is_good(d), "a good sample after it came to reason")
                 witness.end()
                 for misdeed in misdeeds:
                     self.assertGreater(slave.done.get(misdeed, 0), 0, misdeed)
@@ -191,16 +191,16 @@ class HostileSlaves(unittest.TestCase):
         slave.start()
         with modbus_daemon(f'address = "127.0.0.1:{server.port}"\ntimeout_ms = 50\n\n[[link.slave]]\nrate_Hz = 100\n' + THREE) as d:
             d.start()
-            wait_for(is_good(d), 5, "a good sample")
+            wait_for(is_good(d), "a good sample")
             slave.misdeeds = {"silence": 1}
             began = time.monotonic()
-            wait_for(lambda: sensor(d)["quality"].startswith("bad"), 2, "the sensor to be bad")
+            wait_for(lambda: sensor(d)["quality"].startswith("bad"), "the sensor to be bad")
             self.assertLess(time.monotonic() - began, 0.5)
             before = cpu_s(d)
             time.sleep(2)
             self.assertLess(cpu_s(d) - before, 0.6)
             slave.misdeeds = {}
-            wait_for(is_good(d), 3, "a good sample again")
+            wait_for(is_good(d), "a good sample again")
         slave.close()
 
 

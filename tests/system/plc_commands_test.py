@@ -43,7 +43,7 @@ class Cyclic(threading.Thread):
     def wait_for_cycle(self):
         """Returns after a whole cycle that began after the call: what is in node was answered now."""
         until = self.cycles + 2
-        wait_for(lambda: self.cycles >= until, 5, "a whole cycle")
+        wait_for(lambda: self.cycles >= until, "a whole cycle")
 
     def stop(self):
         self.ended.set()
@@ -56,20 +56,20 @@ class CyclicPlc(unittest.TestCase):
             with Held(more + "tare_limit_N = 0\n") as held:
                 plc = Cyclic(held.plc())
                 self.addCleanup(plc.stop)
-                wait_for(lambda: plc.node[27] == ADOPTED, 5, "the first number")
+                wait_for(lambda: plc.node[27] == ADOPTED, "the first number")
                 plc.block = [TARE, 1, 0, 0, 5]
-                wait_for(lambda: plc.node[25] == 5 and plc.node[26] == DONE, 5, "the tare")
+                wait_for(lambda: plc.node[25] == 5 and plc.node[26] == DONE, "the tare")
                 held.press(-20.0)
                 for end in (signal.SIGTERM, signal.SIGKILL):
                     held.restart(end)
                     plc.wait_for_cycle()
-                    wait_for(lambda: plc.node[25] == 5 and plc.node[27] == ADOPTED, 5, "the old number to be adopted")
+                    wait_for(lambda: plc.node[25] == 5 and plc.node[27] == ADOPTED, "the old number to be adopted")
                     for _ in range(20):
                         quality, force_N = held.read_force()
                         self.assertLess(force_N, -19.9)
                         self.assertEqual(quality.split(":")[0], "uncertain" if more else "good")
                 plc.block = [UNTARE, 1, 0, 0, 6]
-                wait_for(lambda: plc.node[25] == 6 and plc.node[26] == DONE, 5, "the next number")
+                wait_for(lambda: plc.node[25] == 6 and plc.node[26] == DONE, "the next number")
                 plc.stop()
 
     def test_it_reads_the_result_before_its_number_counts_as_repeated(self):
@@ -183,10 +183,10 @@ class TareLimit(unittest.TestCase):
                 number += 1
                 self.assertEqual(plc.command(number, TARE, 1), (number, state, result))
                 self.assertEqual(plc.write_one(5010, 1), 0)
-                wait_for(ended, 5, "the tare by a register")
+                wait_for(ended, "the tare by a register")
                 self.assertEqual(plc.read(50, 8)[DIRECT], [TARE, state, result])
                 self.assertEqual(plc.write_coil(0), 0)
-                wait_for(ended, 5, "the tare by a coil")
+                wait_for(ended, "the tare by a coil")
                 self.assertEqual(plc.read(50, 8)[DIRECT], [TARE, state, result])
                 self.assertEqual(plc.read(54, 1)[0], 2 if result else 4)
                 quality, seen_N = held.read_force()
@@ -198,24 +198,24 @@ class Faults(unittest.TestCase):
         with Held(commands=False) as held:
             plc = held.plc()
             held.device.is_silent = True
-            wait_for(lambda: plc.read(FAULT, 1)[0] & 1, 5, "sensor lost")
+            wait_for(lambda: plc.read(FAULT, 1)[0] & 1, "sensor lost")
             held.device.is_silent = False
             held.settle()
             self.assertTrue(plc.read(FAULT, 1)[0] & 1, "it is latched")
             cleared = held.daemon.ctl("clear")
             self.assertEqual((cleared.returncode, cleared.stdout), (0, "clear: done; a fault whose cause lasts comes back\n"))
-            wait_for(lambda: plc.read(FAULT, 1)[0] == 0, 1, "the fault to be cleared")
+            wait_for(lambda: plc.read(FAULT, 1)[0] == 0, "the fault to be cleared")
 
     def test_fault_clear_s_clears_them_for_a_plc_that_may_not_write(self):
         with Held(commands=False, node="fault_clear_s = 1\n") as held:
             plc = held.plc()
             held.device.is_silent = True
-            wait_for(lambda: plc.read(FAULT, 1)[0] & 1, 5, "sensor lost")
+            wait_for(lambda: plc.read(FAULT, 1)[0] & 1, "sensor lost")
             time.sleep(1.5)
             self.assertTrue(plc.read(FAULT, 1)[0] & 1, "the cause lasts")
             held.device.is_silent = False
             began = time.monotonic()
-            wait_for(lambda: plc.read(FAULT, 1)[0] == 0, 5, "the fault to clear itself")
+            wait_for(lambda: plc.read(FAULT, 1)[0] == 0, "the fault to clear itself")
             self.assertGreater(time.monotonic() - began, 0.9)
 
 

@@ -49,7 +49,7 @@ def played_daemon(*sensors, rate=RATE_HZ, name=None):
 
 def good(daemon, sensor="left"):
     with tactiled.open(daemon.name) as node:
-        wait_for(lambda: node.latest(sensor).quality in (tactiled.GOOD, tactiled.UNCERTAIN), 3, "a value")
+        wait_for(lambda: node.latest(sensor).quality in (tactiled.GOOD, tactiled.UNCERTAIN), "a value")
 
 
 def forces_are_nan(sample):

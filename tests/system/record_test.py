@@ -62,13 +62,13 @@ class Record(unittest.TestCase):
         daemon.start()
         cls.recorder = subprocess.Popen([BIN / "tactilectl", "record", cls.file, "--config", daemon.config, "--json", "--node", daemon.name],
                                         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        wait_for(cls.file.exists, 5, "the file")
+        wait_for(cls.file.exists, "the file")
         time.sleep(0.1)
         daemon.play("--in", ROOT / "config/demo/table_demo.csv", "--pty", daemon.folder / "dev", "--format", "cobs", "--counts-per-unit", "1e9", "--bits", "32",
                     "--rate", RATE_Hz, "--loop")
         time.sleep(3)
         cls.recorder.send_signal(signal.SIGINT)
-        out, cls.errors = cls.recorder.communicate(timeout=10)
+        out, cls.errors = cls.recorder.communicate(timeout=60)
         cls.said = json.loads(out)
 
     def test_loses_nothing_and_says_how_much_there_is(self):
@@ -246,7 +246,7 @@ class Record(unittest.TestCase):
     def test_a_full_disk_ends_the_recording_and_nothing_else(self):
         small = self.daemon.folder / "small.mcap"
         limited = subprocess.run(["prlimit", "--fsize=1000000", BIN / "tactilectl", "record", small, "--seconds", "20", "--node", self.daemon.name],
-                                 capture_output=True, text=True, timeout=40, preexec_fn=lambda: signal.signal(signal.SIGXFSZ, signal.SIG_IGN))
+                                 capture_output=True, text=True, timeout=60, preexec_fn=lambda: signal.signal(signal.SIGXFSZ, signal.SIG_IGN))
         self.assertEqual(limited.returncode, 1)
         self.assertIn("recorded so far", limited.stderr)
         self.assertTrue(json.loads(self.daemon.ctl("status", "--json").stdout)["sensors"][0]["quality"].startswith(("good", "uncertain")))
@@ -267,7 +267,7 @@ class Record(unittest.TestCase):
 
             def sensor():
                 return json.loads(other.ctl("status", "--json").stdout)
-            wait_for(lambda: sensor()["sensors"][0]["quality"].startswith(("good", "uncertain")), 5, "a value")
+            wait_for(lambda: sensor()["sensors"][0]["quality"].startswith(("good", "uncertain")), "a value")
             time.sleep(1.2)
             status = sensor()
             self.assertIs(status["simulated"], True)

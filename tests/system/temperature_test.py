@@ -89,7 +89,7 @@ class TemperatureAndIdentity(unittest.TestCase):
 
     def wait_good(self):
         for name in SERIALS:
-            wait_for(lambda name=name: self.latest(name).quality == tactiled.GOOD, 5, f"{name} to be GOOD")
+            wait_for(lambda name=name: self.latest(name).quality == tactiled.GOOD, f"{name} to be GOOD")
 
     def no_good_and_wrong_value(self, name="left", seconds=1.0):
         """Follows the sensor; returns how many of its samples were GOOD."""
@@ -113,19 +113,19 @@ class TemperatureAndIdentity(unittest.TestCase):
         device = self.devices["left"]
         for said in ("nan", 26.0, 73.4, 296.15, -4096.0):  # a missing one, another sensor, degF, K, and the code 0 of a chip
             device.said_C = said
-            wait_for(lambda: self.latest().quality != tactiled.GOOD, 2, f"{said} degC to be noticed")
+            wait_for(lambda: self.latest().quality != tactiled.GOOD, f"{said} degC to be noticed")
             self.assertEqual(self.no_good_and_wrong_value(), 0, said)
             self.assertTrue(math.isnan(self.latest().temperature_C), said)
             device.said_C = None
             self.wait_good()
         device.said_C = 23.0
-        wait_for(lambda: self.latest().quality != tactiled.GOOD, 2, "a thermometer that stands still to be noticed")
+        wait_for(lambda: self.latest().quality != tactiled.GOOD, "a thermometer that stands still to be noticed")
         device.true_C = 24
         self.assertEqual(self.no_good_and_wrong_value(), 0)
 
     def test_a_hair_that_stands_still_is_frozen_although_the_calibration_has_no_rows_at_rest(self):
         self.devices["left"].still = {1: 1e-6}  # within the noise of the others
-        wait_for(lambda: self.latest().reasons & tactiled.FROZEN, 20, "the frozen hair")
+        wait_for(lambda: self.latest().reasons & tactiled.FROZEN, "the frozen hair")
         self.assertNotEqual(self.latest().quality, tactiled.GOOD)
         self.devices["left"].still = {}
         self.wait_good()
@@ -134,7 +134,7 @@ class TemperatureAndIdentity(unittest.TestCase):
         left, right = self.devices["left"], self.devices["right"]
         left.number, right.number = right.number, left.number
         for name in SERIALS:
-            wait_for(lambda name=name: self.latest(name).quality == tactiled.BAD, 2, name)
+            wait_for(lambda name=name: self.latest(name).quality == tactiled.BAD, name)
             self.assertTrue(self.latest(name).reasons & tactiled.WRONG_DEVICE)
 
     def test_calibrations_that_are_exchanged_have_no_value(self):
@@ -145,7 +145,7 @@ class TemperatureAndIdentity(unittest.TestCase):
         self.daemon.process.send_signal(signal.SIGHUP)
         for name in SERIALS:
             wait_for(lambda name=name: self.latest(name).quality == tactiled.BAD
-                     and self.latest(name).reasons & tactiled.WRONG_DEVICE, 5, name)
+                     and self.latest(name).reasons & tactiled.WRONG_DEVICE, name)
 
 
 if __name__ == "__main__":

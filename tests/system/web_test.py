@@ -77,11 +77,11 @@ class Values(WebCase):
         config = CONFIG.replace('path = "direct"', 'path = "network"')
         with unit_daemon(config=config).start() as daemon, Web(daemon.name) as web:
             self.addCleanup(shutil.rmtree, daemon.folder)
-            wait_for(quality_is(daemon, "good"), 5, "a good value")
+            wait_for(quality_is(daemon, "good"), "a good value")
             time.sleep(0.3)  # the bound grows from the first frame on
             for player in daemon.others:
                 player.kill()  # the bound grows with the age of the last frame
-            wait_for(quality_is(daemon, "bad"), 5, "the end of the frames")
+            wait_for(quality_is(daemon, "bad"), "the end of the frames")
             time.sleep(0.3)
             began = time.monotonic()
             status = web.status()
@@ -116,7 +116,7 @@ class Values(WebCase):
         self.assertTrue(math.isnan(of(metrics, "tactiled_sensor_force_newtons", sensor="left", axis="z")))
         self.assertEqual(of(metrics, "tactiled_sensor_quality", sensor="left", quality="good"), 0)
         self.daemon.start()
-        frame = stream.until(lambda name, data: name == "frame" and data["alive"] and data["sensors"][0]["quality"] == 1, 10)
+        frame = stream.until(lambda name, data: name == "frame" and data["alive"] and data["sensors"][0]["quality"] == 1)
         self.assertEqual(frame["sensors"][0]["force_N"], [1, 2, -3])
         events = json.loads(web.ask("/api/events")[2])
         jsonschema.validate(events, {"$ref": "#/definitions/events", "definitions": json.loads(web.ask("/api/schema")[2])["definitions"]})
@@ -165,7 +165,7 @@ class Values(WebCase):
         self.addCleanup(shutil.rmtree, fresh.folder)
         self.addCleanup(fresh.__exit__)
         for server in (web, fresh):
-            wait_for(lambda: "layout" in server.status()["why"], 3, "the reason")
+            wait_for(lambda: "layout" in server.status()["why"], "the reason")
             status = server.status()
             jsonschema.validate(status, SCHEMA)
             self.assertFalse(status["alive"])
@@ -178,7 +178,7 @@ class Values(WebCase):
         time.sleep(1)
         self.daemon.stop()
         with simulated_node(3, ("new", "left", "third"), self.daemon.name) as other:
-            hello = stream.until(lambda name, data: name == "hello" and data["pid"] == other.process.pid, 10)
+            hello = stream.until(lambda name, data: name == "hello" and data["pid"] == other.process.pid)
             self.assertEqual([s["name"] for s in hello["sensors"]], ["new", "left", "third"])
             pasts = [stream.until(lambda name, _: name == "past") for _ in range(3)]
             self.assertEqual([past["sensor"] for past in pasts], [0, 1, 2])
@@ -208,7 +208,7 @@ class Recording(WebCase):
         self.daemon.stop()
         with Web("gripper", file) as web:  # the file, and no daemon
             self.addCleanup(shutil.rmtree, web.folder)
-            wait_for(lambda: web.status()["alive"], 5, "the first sample")
+            wait_for(lambda: web.status()["alive"], "the first sample")
             status = web.status()
             jsonschema.validate(status, SCHEMA)
             self.assertEqual((status["sensors"][0]["name"], status["sensors"][0]["force_S_N"]), ("left", [1, 2, -3]))
@@ -237,7 +237,7 @@ class Recording(WebCase):
         file.write_bytes(with_checksums(data))
         with Web("gripper", file) as web:
             self.addCleanup(shutil.rmtree, web.folder)
-            wait_for(lambda: web.status()["alive"], 5, "the first sample")
+            wait_for(lambda: web.status()["alive"], "the first sample")
             status = web.status()
             jsonschema.validate(status, SCHEMA)
             names = [sensor["name"] for sensor in status["sensors"]]
@@ -268,7 +268,7 @@ class Recording(WebCase):
     def test_a_file_that_is_no_recording_is_refused(self):
         file = self.daemon.folder / "rows.csv"
         for words in ((file,), (self.daemon.folder / "none.mcap",)):
-            done = subprocess.run([PROGRAM, "--listen", f"127.0.0.1:{free_port()}", *words], capture_output=True, text=True, timeout=10)
+            done = subprocess.run([PROGRAM, "--listen", f"127.0.0.1:{free_port()}", *words], capture_output=True, text=True, timeout=60)
             self.assertEqual(done.returncode, 2, done.stderr)
 
 
@@ -319,7 +319,7 @@ class HostileClients(WebCase):
         slow = [self.connect(data) for data in kinds]
         time.sleep(5)
         self.assertEqual([closed(s) for s in slow], [False] * 3)
-        wait_for(lambda: all(closed(s) for s in slow), 8, "the connections to be closed")
+        wait_for(lambda: all(closed(s) for s in slow), "the connections to be closed")
 
     def test_streams_that_take_nothing_cost_no_memory_and_delay_nobody(self):
         before_kB = self.server.rss_kB()
@@ -339,7 +339,7 @@ class HostileClients(WebCase):
         for stream in streams:
             stream.until(lambda name, _: name == "frame")
             stream.close()
-        wait_for(lambda: self.server.ask("/metrics")[2].count(b"tactiled_web_streams 0") == 1, 5, "the places")
+        wait_for(lambda: self.server.ask("/metrics")[2].count(b"tactiled_web_streams 0") == 1, "the places")
 
     def test_malformed_requests_change_nothing(self):
         head = b"POST /api/command HTTP/1.1\r\nHost: localhost\r\n"

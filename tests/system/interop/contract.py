@@ -37,8 +37,8 @@ def map_daemon(rtu=False, tare_ms=20):
 
 def start_map(daemon):
     daemon.start()
-    wait_for(quality_is(daemon, "good"), 3, "a good sample")
-    wait_for(lambda: listens(daemon.port), 3, "the server to listen")
+    wait_for(quality_is(daemon, "good"), "a good sample")
+    wait_for(lambda: listens(daemon.port), "the server to listen")
     adopt_number(daemon.port)
 
 
@@ -97,7 +97,7 @@ def expected(without=()):
 
 def table(words, env=None):
     """Runs a client that prints lines "NAME JSON"; returns them as a table."""
-    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=20, env=env)
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=60, env=env)
     if done.returncode != 0:
         raise AssertionError(f"{words}: status {done.returncode}\n{done.stdout}{done.stderr}")
     lines = [line.split(" ", 1) for line in done.stdout.splitlines()]
