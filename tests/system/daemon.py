@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import tempfile
+import threading
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -111,11 +112,11 @@ class Daemon:
         return subprocess.run([BIN / "tactilectl", *words], capture_output=True, text=True, timeout=timeout, env=self.reader_env)
 
     def stop(self):
-        """Sends SIGTERM; returns (exit status, duration in seconds)."""
-        began = time.monotonic()
-        self.process.send_signal(signal.SIGTERM)
-        status = self.process.wait(timeout=60)
-        return status, time.monotonic() - began
+        """Sends SIGTERM; returns (exit status, duration in seconds by a Stopwatch)."""
+        with Stopwatch() as watch:
+            self.process.send_signal(signal.SIGTERM)
+            status = self.process.wait(timeout=60)
+            return status, watch.seconds()
 
     def __enter__(self):
         return self
@@ -131,6 +132,44 @@ class Daemon:
                     process.wait()
         if self.segment.exists():
             self.segment.unlink()
+
+
+def halt(pid):
+    """Sends SIGSTOP to a process and returns when all of its threads stand still; until then they may go on."""
+    os.kill(pid, signal.SIGSTOP)
+    threads = pathlib.Path(f"/proc/{pid}/task")
+    wait_for(lambda: all((thread / "stat").read_text().rsplit(")", 1)[1].split()[0] == "T" for thread in threads.iterdir()), "the threads to stand still")
+
+
+class Stopwatch:
+    """The time that passed, less the time by which this machine delayed a thread that sleeps for 5 ms again and again. For a test whose
+    claim is a bound in time: a busy machine delays the programs that are measured as it delays that thread. A context manager."""
+
+    NAP_S = 0.005
+
+    def __init__(self):
+        self.began_s, self.late_s, self.ended = time.monotonic(), 0.0, False
+        self.due_s = self.began_s + self.NAP_S
+        self.thread = threading.Thread(target=self.run, daemon=True)
+        self.thread.start()
+
+    def run(self):
+        while not self.ended:
+            time.sleep(max(0.0, self.due_s - time.monotonic()))
+            now_s = time.monotonic()
+            self.late_s += now_s - self.due_s
+            self.due_s = now_s + self.NAP_S
+
+    def seconds(self):
+        now_s = time.monotonic()
+        return now_s - self.began_s - self.late_s - max(0.0, now_s - self.due_s)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.ended = True
+        self.thread.join()
 
 
 def wait_for(condition, what, seconds=PATIENCE_S):
