@@ -65,7 +65,7 @@ class Page:
 
 class NoMemory(unittest.TestCase):
     def setUp(self):
-        d = self.d = self.enterContext(Daemon(CONFIG.replace("stale_ms = 100", "stale_ms = 2000") + GRASP))
+        d = self.d = self.enterContext(Daemon(CONFIG + GRASP))
         for name, text in (("unit.toml", CALIBRATION), ("objects.toml", OBJECTS), ("rows.csv", "t_s,c1,c2,c3\n0,1,2,-3\n0.01,1,2,-3\n")):
             (d.folder / name).write_text(text)
         d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "dev", "--format", "lines", "--sequence", "--rate", 200, "--loop")

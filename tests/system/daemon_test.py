@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """The release daemon: start, faults of the link and of the configuration, tare, end."""
 import fcntl
+import itertools
 import json
 import os
 import pathlib
@@ -17,7 +18,7 @@ import unittest
 from pymodbus.client import ModbusTcpClient
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from daemon import BIN, ROOT, folder_of_user, wait_for  # noqa: E402
+from daemon import BIN, PATIENCE_S, ROOT, Stopwatch, folder_of_user, wait_for  # noqa: E402
 from unit_daemon import CONFIG, play, quality_is, sensor, unit_daemon  # noqa: E402
 
 
@@ -73,33 +74,32 @@ class TheDaemon(unittest.TestCase):
 
     def test_a_server_that_accepts_and_hangs_up_is_asked_less_and_less_often(self):
         server = socket.create_server(("127.0.0.1", 0))
-        server.settimeout(0.2)
+        server.settimeout(PATIENCE_S)
         where = f'driver = "tcp"\naddress = "127.0.0.1:{server.getsockname()[1]}"'
         with server, unit_daemon(rate=0, config=CONFIG.replace('driver = "uart"\ndevice = "{folder}/dev"', where)) as d:
             d.start()
-            hung_up, until = 0, time.monotonic() + 5
-            while time.monotonic() < until:
-                try:
-                    server.accept()[0].close()
-                    hung_up += 1
-                except TimeoutError:
-                    pass
-            self.assertTrue(4 <= hung_up <= 10, f"{hung_up} connections in 5 s; at 50 ms, 100 ms .. 1 s they are 9")
+            hung_up_s = []
+            while len(hung_up_s) < 9:
+                device = server.accept()[0]
+                hung_up_s.append(time.monotonic())
+                device.close()
+            # A busy machine makes the pauses longer. They are 50 ms, 100 ms .. 1 s: 4.5 s in all.
+            self.assertGreater(hung_up_s[-1] - hung_up_s[0], 4)
             self.assertEqual([d.log().count(what) for what in (": open\n", "is disconnected")], [1, 1], d.log())
-            server.settimeout(5)
             for turn in range(1, 3):  # then it works and is reported as open; when it disconnects, it is searched for
                                       # at once
-                device, began = server.accept()[0], time.monotonic()
+                with Stopwatch() as watch:
+                    device, took_s = server.accept()[0], watch.seconds()
                 if turn == 2:
-                    self.assertLess(began - ended, 0.5, "not looked for at once")
-                number = 0
-                while time.monotonic() < began + 1.2:
-                    device.sendall(f"{number},1,2,-3\n".encode())
-                    number += 1
+                    self.assertLess(took_s, 0.5, "not looked for at once")
+                numbers, enough_s = itertools.count(), time.monotonic() + 1.2
+
+                def is_open():
+                    device.sendall(f"{next(numbers)},1,2,-3\n".encode())
                     time.sleep(0.01)
-                self.assertEqual(d.log().count(": open\n"), 1 + turn, d.log())
+                    return d.log().count(": open\n") > turn and time.monotonic() > enough_s
+                wait_for(is_open, "its beginning in the log")
                 device.close()
-                ended = time.monotonic()
                 wait_for(lambda: d.log().count("is disconnected") == 1 + turn, "its end in the log")
 
     def test_a_device_that_floods_its_link_is_no_thread_out_of_control(self):
@@ -120,8 +120,8 @@ class TheDaemon(unittest.TestCase):
             threading.Thread(target=flood, daemon=True).start()
             d.start("prlimit", "--rttime=200000:1000000")
             time.sleep(2)
+            wait_for(lambda: d.process.poll() is not None or json.loads(d.ctl("status", "--json").stdout)["links"][0]["frames"] > 10_000, "frames")
             self.assertIsNone(d.process.poll(), "ended by a signal")
-            self.assertGreater(json.loads(d.ctl("status", "--json").stdout)["links"][0]["frames"], 10_000)
             wait_for(quality_is(d, "good"), "a good sample")
 
     def test_a_silent_device_is_stale_and_its_registers_are_sentinels(self):
@@ -138,15 +138,14 @@ class TheDaemon(unittest.TestCase):
             silent = client.read_input_registers(100, count=25, slave=1).registers
             self.assertEqual(silent[4:7], [0x8000] * 3)
             self.assertEqual(silent[1] & 1, 0)
-            self.assertGreaterEqual(silent[3], 100)  # ms
+            self.assertGreaterEqual(silent[3], 2000)  # ms
             beats = [client.read_input_registers(5, count=1, slave=1).registers[0]]
             time.sleep(0.5)
             beats.append(client.read_input_registers(5, count=1, slave=1).registers[0])
             self.assertEqual(beats[0], beats[1], "the heartbeat goes on without data")
             d.others[0].send_signal(signal.SIGCONT)
             wait_for(quality_is(d, "good"), "GOOD again")
-            time.sleep(0.25)
-            self.assertNotEqual(client.read_input_registers(5, count=1, slave=1).registers[0], beats[1])
+            wait_for(lambda: client.read_input_registers(5, count=1, slave=1).registers[0] != beats[1], "the heartbeat to go on")
 
     def test_tare_is_acknowledged_and_the_raw_force_stays_readable(self):
         with unit_daemon() as d:
@@ -200,7 +199,7 @@ class TheDaemon(unittest.TestCase):
             wait_for(quality_is(d, "good"), "the first to go on")
 
     def test_a_wrong_configuration_is_refused_with_every_error_in_it(self):
-        wrong = CONFIG.replace('driver = "uart"', 'driver = "uert"').replace("stale_ms = 100", "stale_ms = 0\nmodle = 1")
+        wrong = CONFIG.replace('driver = "uart"', 'driver = "uert"').replace("stale_ms = 2000", "stale_ms = 0\nmodle = 1")
         with unit_daemon(rate=None, config=wrong) as d:
             for command in ([BIN / "tactiled", "--config", d.config], [BIN / "tactiled", "--check", "--config", d.config], [BIN / "tactilectl", "check", d.config]):
                 done = subprocess.run(command, capture_output=True, text=True, timeout=60)

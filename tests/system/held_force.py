@@ -58,6 +58,11 @@ class Device(threading.Thread):
                 pass  # there is no daemon
 
 
+def is_confirmed(sample):
+    """Returns whether it has a value that the next one has confirmed, if it was a jump or the first of a stream."""
+    return sample["force_S_N"][2] is not None and "stepped" not in sample["quality"]
+
+
 class Held:
     """The daemon, its device and the view of a reader. A context manager."""
 
@@ -113,14 +118,14 @@ class Held:
         return json.loads(self.daemon.ctl("status", "--json").stdout)["sensors"][0]
 
     def settle(self):
-        wait_for(lambda: self.sample()["quality"].split(":")[0] in ("good", "uncertain"), "a value")
+        wait_for(lambda: is_confirmed(self.sample()), "a value")
 
     def read_force(self):
-        """Returns (quality word, fz in N) of the newest sample with a value, because a busy machine interrupts the
+        """Returns (quality word, fz in N) of the newest sample with a confirmed value, because a busy machine interrupts the
         device or the daemon."""
         for _ in range(100):
             now = self.sample()
-            if now["force_S_N"][2] is not None:
+            if is_confirmed(now):
                 return now["quality"], now["force_S_N"][2]
         raise TimeoutError("no value")
 

@@ -28,8 +28,7 @@ command_allow = ["127.0.0.1/32"]
 plc = ["{PLC}", "{CONTROL}"]
 settings = "{{folder}}/settings.toml"
 """
-# A busy machine interrupts the player for longer than 100 ms, and a stale sensor is not tared.
-SENSOR = CONFIG.replace("stale_ms = 100", "stale_ms = 2000") + "tare_ms = 300\n"
+SENSOR = CONFIG + "tare_ms = 300\n"
 MAX_GROWTH_KIB = 8 * 1024
 WORST_WAIT_MS = 250
 
