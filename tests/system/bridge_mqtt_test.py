@@ -16,7 +16,7 @@ import jsonschema
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from bridge_process import Process, bridge  # noqa: E402
-from daemon import BIN, PATIENCE_S, ROOT, free_port, wait_for  # noqa: E402
+from daemon import BIN, PATIENCE_S, ROOT, Stopwatch, free_port, wait_for  # noqa: E402
 from unit_daemon import play, quality_is, unit_daemon  # noqa: E402
 
 SCHEMA = json.loads((ROOT / "node/bridges/mqtt.schema.json").read_text())
@@ -96,6 +96,7 @@ class Mqtt(unittest.TestCase):
         return topic == f"{self.node}/left/wrench" and message["quality"] == "good"
 
     def test_messages_have_the_segments_values_and_their_schema(self):
+        began_s = time.time()
         self.bridge()
         subscriber = self.subscriber()
         seen = {}
@@ -105,7 +106,7 @@ class Mqtt(unittest.TestCase):
         wrench = seen[f"{self.node}/left/wrench"]
         self.assertEqual((wrench["force_N"], wrench["torque_Nm"], wrench["quality"]), ([1, 2, -3], [None] * 3, "good"))
         self.assertEqual(wrench["sd_force_N"], [0.01] * 3)
-        self.assertAlmostEqual(wrench["t_s"], time.time(), delta=1)
+        self.assertTrue(began_s < wrench["t_s"] < time.time(), "no time of day")
         self.assertEqual(seen[f"{self.node}/state"]["sensors"], ["left"])
         wrench["quality"] = "bad"
         with self.assertRaises(jsonschema.ValidationError):
@@ -133,12 +134,13 @@ class Mqtt(unittest.TestCase):
         server = self.bridge()
         subscriber = self.subscriber()
         subscriber.until(self.is_good)
-        self.daemon.process.kill()
-        killed = time.monotonic()
-        self.daemon.process.wait()
-        bad = subscriber.until(lambda topic, message: topic.endswith("wrench") and message["quality"] == "bad")
-        print(f"\nBAD after kill -9 of the daemon, s: {time.monotonic() - killed:.2f}")
-        self.assertLess(time.monotonic() - killed, 1)
+        with Stopwatch() as watch:
+            self.daemon.process.kill()
+            self.daemon.process.wait()
+            bad = subscriber.until(lambda topic, message: topic.endswith("wrench") and message["quality"] == "bad")
+            took_s = watch.seconds()
+        print(f"\nBAD after kill -9 of the daemon, s: {took_s:.2f}")
+        self.assertLess(took_s, 1)
         check("x/wrench", bad)
         self.assertEqual(bad["force_N"], [None] * 3)
         state = subscriber.until(lambda topic, message: topic.endswith("state") and not message["daemon"])

@@ -141,6 +141,15 @@ def halt(pid):
     wait_for(lambda: all((thread / "stat").read_text().rsplit(")", 1)[1].split()[0] == "T" for thread in threads.iterdir()), "the threads to stand still")
 
 
+def wait_until_it_rests(count, what, seconds=0.5):
+    """Waits until count() is the same for so long: what was on its way has arrived, and nothing follows."""
+    def rests():
+        before = count()
+        time.sleep(seconds)
+        return count() == before
+    wait_for(rests, f"the end of {what}")
+
+
 class Stopwatch:
     """The time that passed, less the time by which this machine delayed a thread that sleeps for 5 ms again and again. For a test whose
     claim is a bound in time: a busy machine delays the programs that are measured as it delays that thread. A context manager."""
