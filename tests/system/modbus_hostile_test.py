@@ -13,7 +13,7 @@ import hostile_cases as cases  # noqa: E402
 import hostile_frames as frames  # noqa: E402
 import hostile_requests as requests  # noqa: E402
 import hostile_sockets as sockets  # noqa: E402
-from daemon import wait_for  # noqa: E402
+from daemon import PATIENCE_S, wait_for  # noqa: E402
 from hostile_client import CONTROL, PLACES, PLC, Client, witness  # noqa: E402
 from hostile_pdus import OURS, Case, mb, register, tcp  # noqa: E402
 from hostile_suite import Suite  # noqa: E402
@@ -28,9 +28,9 @@ command_allow = ["127.0.0.1/32"]
 plc = ["{PLC}", "{CONTROL}"]
 settings = "{{folder}}/settings.toml"
 """
-SENSOR = CONFIG + "tare_ms = 300\n"
+SENSOR = CONFIG + "tare_ms = 1500\n"
 MAX_GROWTH_KIB = 8 * 1024
-WORST_WAIT_MS = 250
+WORST_WAIT_MS = 250  # by a Stopwatch
 
 # name, sent data, expected answer, section, function
 IN_PARALLEL = [
@@ -96,7 +96,7 @@ class Hostile(unittest.TestCase):
                     cases_of(suite)
             finally:
                 stop.set()
-            self.assertTrue(mine.poll(5), "the witness is gone")
+            self.assertTrue(mine.poll(PATIENCE_S), "the witness is gone")
             bad, waits_ms = mine.recv()
             good_client.join()
             waits_ms.sort()
