@@ -22,7 +22,7 @@ import unittest
 from pymodbus.client import ModbusTcpClient
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from daemon import BIN, Daemon  # noqa: E402
+from daemon import BIN, PATIENCE_S, Daemon  # noqa: E402
 from pick_bench import GRASP, Robot, calibrate_skin  # noqa: E402
 from simulated_sensors import SENSORS  # noqa: E402
 
@@ -74,7 +74,7 @@ class Plc:
                 "probability": more[OBJECT_PROB - 40] / 1000, "grasps": more[GRASPS - 40],
                 "why": doubts[WEIGHT_WHY], "jaws": doubts[WEIGHT_JAWS]}
 
-    def wait(self, what, condition, seconds=4):
+    def wait(self, what, condition, seconds=PATIENCE_S):
         until = time.monotonic() + seconds
         while True:
             seen = self.scan()
@@ -213,7 +213,7 @@ class PickTask(unittest.TestCase):
         self.robot.lift()
         self.plc.wait("a stable weight", lambda seen: seen["state"] == STABLE)
         self.robot.silent = names
-        gone = self.plc.wait("no value", lambda seen: seen["grip"] == UNKNOWN, 2)
+        gone = self.plc.wait("no value", lambda seen: seen["grip"] == UNKNOWN)
         for _ in range(25):  # and stays so, whatever the other skin delivers
             self.assertIsNone(gone["kg"])
             self.assertEqual((gone["object"], gone["grip"]), (0, UNKNOWN))

@@ -115,7 +115,7 @@ class Sensor:
         units = f"counts_per_unit = {self.counts_per_unit}\n" if self.wire == "cobs" else ""
         return (f'[[link]]\nname = "usb-{name}"\ndriver = "uart"\ndevice = "{{folder}}/{name}"\nbaud = 921600\npath = "direct"\nsimulated = true\n{more}\n'
                 f'[[sensor]]\nname = "{name}"\nlink = "usb-{name}"\nmodel = "{self.model}"\ntemperature_range_C = [23, 23]\ncalibration = "{{folder}}/{name}-{method}.toml"\n'
-                f'method = "{method}"\nstale_ms = 500\n{units}\n')
+                f'method = "{method}"\nstale_ms = 2000\n{units}\n')
 
 
 class Play:
