@@ -47,11 +47,11 @@ class Teach(unittest.TestCase):
         self.addCleanup(self.node.close)
         self.objects = self.daemon.folder / "objects.toml"
         wait_for(lambda: self.node.grasp.state == tactiled.GRIP_OPEN, "a value of both jaws")
-        time.sleep(0.3)  # the free phase shows the zero
+        self.robot.live(0.3)  # the free phase shows the zero
 
     def hold(self, mass_kg):
         self.robot.offer(mass_kg)
-        time.sleep(0.25)
+        self.robot.live(0.25)
         self.robot.close(GRIP_N)
         wait_for(lambda: self.node.grasp.state == tactiled.GRIP_GRASPED, "grasped")
         self.robot.lift()
@@ -80,7 +80,7 @@ class Teach(unittest.TestCase):
         time.sleep(0.2)
         hands.start()
         try:
-            out, err = teaching.communicate(timeout=30)
+            out, err = teaching.communicate(timeout=60)
         finally:
             done.set()
             hands.join()
@@ -220,7 +220,7 @@ class Teach(unittest.TestCase):
         self.node = tactiled.open(self.daemon.name)
         self.addCleanup(self.node.close)
         wait_for(lambda: self.node.grasp.state == tactiled.GRIP_OPEN, "a value of both jaws")
-        time.sleep(0.3)
+        self.robot.live(0.3)
         self.assertEqual(self.hold(0.2).object_id, 0)  # its weight was measured with another scale
         self.assertEqual(self.daemon.ctl("weigh", "known", "0.2").returncode, 0)
         wait_for(lambda: self.node.grasp.object == "bolt", "the object")
