@@ -158,20 +158,21 @@ class Stopwatch:
 
     def __init__(self):
         self.began_s, self.late_s, self.ended = time.monotonic(), 0.0, False
-        self.due_s = self.began_s + self.NAP_S
+        self.due_s, self.lock = self.began_s + self.NAP_S, threading.Lock()  # of late_s and due_s
         self.thread = threading.Thread(target=self.run, daemon=True)
         self.thread.start()
 
     def run(self):
         while not self.ended:
-            time.sleep(max(0.0, self.due_s - time.monotonic()))
-            now_s = time.monotonic()
-            self.late_s += now_s - self.due_s
-            self.due_s = now_s + self.NAP_S
+            time.sleep(self.NAP_S)
+            with self.lock:
+                now_s = time.monotonic()
+                self.late_s += max(0.0, now_s - self.due_s)
+                self.due_s = now_s + self.NAP_S
 
     def seconds(self):
-        now_s = time.monotonic()
-        return now_s - self.began_s - self.late_s - max(0.0, now_s - self.due_s)
+        with self.lock:
+            return min(time.monotonic(), self.due_s) - self.began_s - self.late_s
 
     def __enter__(self):
         return self
