@@ -158,7 +158,7 @@ class Stopwatch:
 
     def __init__(self):
         self.began_s, self.late_s, self.ended = time.monotonic(), 0.0, False
-        self.due_s, self.lock = self.began_s + self.NAP_S, threading.Lock()  # of late_s and due_s
+        self.due_s, self.lock = self.began_s + self.NAP_S, threading.Lock()  # guards late_s and due_s
         self.thread = threading.Thread(target=self.run, daemon=True)
         self.thread.start()
 

@@ -92,7 +92,7 @@ class TemperatureAndIdentity(unittest.TestCase):
             wait_for(lambda name=name: self.latest(name).quality == tactiled.GOOD, f"{name} to be GOOD")
 
     def good_values(self, seconds=1.0, enough=math.inf, name="left"):
-        """Follows the sensor so long, or until so many of its samples were GOOD; returns their number. None of them is wrong."""
+        """Follows the sensor so long, or until so many of its samples were GOOD; returns their number. Every GOOD value must be right."""
         good, until_s = 0, time.monotonic() + seconds
         for sample in tactiled.open(self.daemon.name).follow(name):
             if sample.quality == tactiled.GOOD:

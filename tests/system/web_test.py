@@ -291,7 +291,7 @@ class Peaks(WebCase):
         past = stream.until(lambda name, _: name == "past")
         stream.close()
         low, t_s = column(past["low"][2], "f"), column(past["t_s"], "d")
-        ticks = {bisect.bisect(t_s, at_s) for at_s in published_s} - {0, len(t_s)}  # those that follow a peak
+        ticks = {bisect.bisect(t_s, at_s) for at_s in published_s} - {0, len(t_s)}  # each follows a peak
         self.assertGreaterEqual(len(ticks), 4)
         self.assertGreaterEqual(sum(v < -49 for v in low), len(ticks))
 

@@ -45,7 +45,7 @@ private:
 
     const std::int64_t began_ns_;
     std::int64_t late_ns_ = 0, due_ns_;
-    mutable std::mutex mutex_;  // of these two
+    mutable std::mutex mutex_;  // guards both
     std::atomic<bool> ended_{false};
     std::thread thread_;
 };
