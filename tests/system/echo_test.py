@@ -241,7 +241,8 @@ class SimulatedDevices(unittest.TestCase):
             times = [int(text.split("*")[0].split(",")[1]) for text in lines]
             self.assertEqual(times, sorted(times), "the answer has the time of the same clock")
             measured = [us for us, text in zip(times, lines) if not text.startswith("!")]
-            periods_s = [(b - a) / 1e6 for a, b in zip(measured, measured[1:])]
+            half = len(measured) // 2  # over many frames, because a device that a busy machine delayed makes up for it
+            periods_s = [(b - a) / 1e6 / half for a, b in zip(measured, measured[half:])]
             self.assertAlmostEqual(statistics.median(periods_s), period_s, delta=0.1 * period_s)
 
     def test_play(self):
