@@ -57,7 +57,7 @@ def main():
             (d.folder / "unit.toml").write_text(CALIBRATION)
             line = Pty(d.folder / "line")
             d.start()
-            wait_for(lambda: "Modbus RTU: " in d.log(), 5, "the line to be opened")
+            wait_for(lambda: "Modbus RTU: " in d.log(), "the line to be opened")
             taken = sorted(us for us in (turnaround_us(line.master) for _ in range(requests)) if us is not None)
             d.stop()
             at = {q: taken[min(len(taken) - 1, int(q * len(taken)))] for q in (0.5, 0.99)}

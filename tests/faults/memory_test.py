@@ -65,7 +65,7 @@ class Page:
 
 class NoMemory(unittest.TestCase):
     def setUp(self):
-        d = self.d = self.enterContext(Daemon(CONFIG.replace("stale_ms = 100", "stale_ms = 2000") + GRASP))
+        d = self.d = self.enterContext(Daemon(CONFIG + GRASP))
         for name, text in (("unit.toml", CALIBRATION), ("objects.toml", OBJECTS), ("rows.csv", "t_s,c1,c2,c3\n0,1,2,-3\n0.01,1,2,-3\n")):
             (d.folder / name).write_text(text)
         d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "dev", "--format", "lines", "--sequence", "--rate", 200, "--loop")
@@ -116,7 +116,7 @@ class NoMemory(unittest.TestCase):
         status = self.start(number, how_many)
         if status is None:
             self.page[FROM] = 0  # memory is available again
-            wait_for(lambda: self.d.process.poll() is not None or self.is_good() and self.answers(), 5, f"good samples and registers; {self.d.log()}")
+            wait_for(lambda: self.d.process.poll() is not None or self.is_good() and self.answers(), f"good samples and registers; {self.d.log()}")
             status = self.d.process.poll()  # it was about to end
         if status is None:
             self.identity = self.identity or self.calibration_id()
@@ -145,13 +145,13 @@ class NoMemory(unittest.TestCase):
     def reload(self):
         before = len(self.d.log())
         self.d.process.send_signal(signal.SIGHUP)
-        wait_for(lambda: "SIGHUP: " in self.d.log()[before:] or self.d.process.poll() is not None, 10, "an answer to SIGHUP")
-        wait_for(lambda: self.d.log().endswith("\n"), 1, "the end of the line")
+        wait_for(lambda: "SIGHUP: " in self.d.log()[before:] or self.d.process.poll() is not None, "an answer to SIGHUP")
+        wait_for(lambda: self.d.log().endswith("\n"), "the end of the line")
         return self.d.log()[before:]
 
     def test_a_reload_changes_all_or_nothing(self):
         self.d.start()
-        wait_for(self.is_good, 5, "good samples")
+        wait_for(self.is_good, "good samples")
         text = self.d.config.read_text().replace('name = "left"', 'name = "left"\ncontact_on_N = 0.2\nrate_Hz = 200')
         both = [text, text.replace("contact_on_N = 0.2", "contact_on_N = 0.3").replace("rate_Hz = 200", "rate_Hz = 201").replace("friction = 0.7", "friction = 0.6")]
         turn = 1

@@ -231,7 +231,7 @@ class Witness(threading.Thread):
                 self.lie("register ok without a value", "")
 
     def wait(self, name, quality, seconds, what):
-        wait_for(lambda: self.history[name] and self.history[name][-1][1] == quality, seconds, what)
+        wait_for(lambda: self.history[name] and self.history[name][-1][1] == quality, what, seconds)
         return self.history[name][-1][0]
 
     def not_good(self, name, since_ns):
@@ -301,7 +301,7 @@ class Rig:
                 os.kill(pid, signal.SIGCONT)
                 os.kill(pid, signal.SIGTERM)
         self.daemon.__exit__()
-        wait_for(lambda: not self.pids(), 5, "the end of the daemon")
+        wait_for(lambda: not self.pids(), "the end of the daemon")
 
     def pids(self):
         """Returns the process numbers of the daemon, however it was started."""

@@ -55,7 +55,7 @@ def refused_tare(why, config, values_of):
         done = rig.daemon.ctl("tare", "left")
         warned = ask_once(rig, 9)[0] & 1 << 4
         tared = json.loads(rig.daemon.ctl("status", "--json").stdout)["sensors"][0]["tare_count"]
-        wait_for(lambda: "tare refused: " in rig.daemon.log(), 1, "a line in the log")
+        wait_for(lambda: "tare refused: " in rig.daemon.log(), "a line in the log")
         good = done.returncode == 1 and why in done.stderr and warned and tared == 0
         rig.note = f"refused: exit 1, {why}" if good else f"not GOOD: exit {done.returncode}, {done.stdout}{done.stderr}, WARN {warned}, {tared} tares"
 

@@ -100,7 +100,7 @@ def reload(d, dice):
     before = len(d.log())
     for _ in range(dice.randrange(1, 4)):
         d.process.send_signal(signal.SIGHUP)
-    wait_for(lambda: "SIGHUP: " in d.log()[before:], 5, "an answer to SIGHUP")
+    wait_for(lambda: "SIGHUP: " in d.log()[before:], "an answer to SIGHUP")
     d.config.write_text(good)
 
 

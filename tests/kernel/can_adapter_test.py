@@ -24,14 +24,14 @@ class GsUsb(Case):
     def plug(self):
         self.adapter = Emulator("usbip_can", 0)
         self.addCleanup(self.adapter.close)
-        wait_for(lambda: self.interface() is not None, 20, "the adapter")
+        wait_for(lambda: self.interface() is not None, "the adapter")
         self.name = self.interface()
         sh(IP, "link", "set", self.name, "type", "can", "bitrate", "500000")
         sh(IP, "link", "set", self.name, "up")
 
     def unplug(self):
         self.adapter.close()
-        wait_for(lambda: self.interface() is None, 20, "the adapter to go")
+        wait_for(lambda: self.interface() is None, "the adapter to go")
 
     def tearDown(self):
         super().tearDown()
@@ -76,7 +76,7 @@ class GsUsb(Case):
         for turn in range(1, 4):
             began = now_ns()
             self.bus_off()
-            wait_for(lambda: [s for at, s in list(self.tip.samples) if at >= began and s.quality == BAD], 10, "BAD")
+            wait_for(lambda: [s for at, s in list(self.tip.samples) if at >= began and s.quality == BAD], "BAD")
             bad = next(at for at, s in self.tip.samples if at >= began and s.quality == BAD)
             good = self.tip.wait_for_quality(GOOD)
             print(f"bus-off, restart: BAD within {(bad - began) / 1e6:.0f} ms, GOOD after {(good - began) / 1e6:.0f} ms", flush=True)
@@ -105,7 +105,7 @@ class GsUsb(Case):
         self.sample()
         self.good()
         self.bus_off()
-        wait_for(lambda: "give the daemon CAP_NET_ADMIN" in self.daemon.log(), 5, "the complaint")
+        wait_for(lambda: "give the daemon CAP_NET_ADMIN" in self.daemon.log(), "the complaint")
         self.expect(restarted=0, gone=1)
 
     def test_a_bus_off_that_nobody_reported_shows_in_the_silence(self):
@@ -116,9 +116,9 @@ class GsUsb(Case):
         for _ in range(2000):  # the socket is full: the error frame finds no room
             self.sample()
         self.bus_off()
-        wait_for(lambda: "BUS-OFF" in sh(IP, "-details", "link", "show", self.name), 10, "the bus-off")
+        wait_for(lambda: "BUS-OFF" in sh(IP, "-details", "link", "show", self.name), "the bus-off")
         os.kill(self.daemon.process.pid, signal.SIGCONT)
-        wait_for(lambda: f"{self.name} is bus-off" in self.daemon.log(), 5, "the complaint")
+        wait_for(lambda: f"{self.name} is bus-off" in self.daemon.log(), "the complaint")
         self.expect(gone=1, bus_error=0)
         self.assertEqual(self.tip.quality(), BAD)
         del self.other  # stopped for so long, the daemon did not read it either
@@ -170,7 +170,7 @@ class GsUsb(Case):
                 self.adapter.tell("now 123")
                 time.sleep(0.01)
             self.expect(frames=300)
-            wait_for(lambda: self.tip.last().sequence >= 300, 5, "the last one")
+            wait_for(lambda: self.tip.last().sequence >= 300, "the last one")
             late_us[stamp] = sorted((s.t_ns // 1000 - round(s.force_S_N[2])) % 1_000_000
                                     for _, s in self.tip.samples[20:] if s.quality != BAD)
             seen = late_us[stamp]
@@ -187,7 +187,7 @@ class GsUsb(Case):
         self.daemon = machine_daemon(link("vcan0", 'stamp = "hardware"'))
         self.addCleanup(self.daemon.__exit__)
         self.daemon.start()
-        wait_for(lambda: "vcan0 gives no hardware timestamps" in self.daemon.log(), 5, "the complaint")
+        wait_for(lambda: "vcan0 gives no hardware timestamps" in self.daemon.log(), "the complaint")
 
 
 class Kvaser(Case):
@@ -207,7 +207,7 @@ class Kvaser(Case):
     def test_it_says_that_a_controller_is_down_and_takes_its_samples_once_up(self):
         self.start(link(self.ours))
         self.device(self.bus.sample)
-        wait_for(lambda: f"{self.ours} is down: ip link set {self.ours} up" in self.daemon.log(), 5, "the complaint")
+        wait_for(lambda: f"{self.ours} is down: ip link set {self.ours} up" in self.daemon.log(), "the complaint")
         sh(IP, "link", "set", self.ours, "up")
         self.good()
         self.all_values_are_right()
@@ -222,14 +222,14 @@ class Kvaser(Case):
         self.addCleanup(other_program.close)
         began = now_ns()
         other_program.send(ERROR | BUS_OFF, bytes(8))
-        wait_for(lambda: [s for at, s in list(self.tip.samples) if at >= began and s.quality == BAD], 10, "BAD")
+        wait_for(lambda: [s for at, s in list(self.tip.samples) if at >= began and s.quality == BAD], "BAD")
         self.good()
         self.expect(gone=1, bus_error=1, restarted=1)
 
     def test_messages_that_are_too_long_for_the_controller_are_refused(self):
         sh(IP, "link", "set", self.ours, "up")
         self.start(link(self.ours, device="id = 0x123\nbytes = 64"))
-        wait_for(lambda: f"{self.ours} carries classic messages of 8 bytes only" in self.daemon.log(), 5, "the complaint")
+        wait_for(lambda: f"{self.ours} carries classic messages of 8 bytes only" in self.daemon.log(), "the complaint")
 
 
 if __name__ == "__main__":

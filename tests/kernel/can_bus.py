@@ -96,7 +96,7 @@ class Case(unittest.TestCase):
         self.addCleanup(self.tip.close)
         self.addCleanup(self.other.close)
         self.other.wait_for_quality(GOOD)
-        wait_for(lambda: link_of(self.daemon, "can")["open"] or "can\":" in self.daemon.log(), 10, "the link")
+        wait_for(lambda: link_of(self.daemon, "can")["open"] or "can\":" in self.daemon.log(), "the link")
 
     def device(self, send):
         device = Device(send)
@@ -104,11 +104,11 @@ class Case(unittest.TestCase):
         return device
 
     def good(self):
-        wait_for(lambda: self.tip.quality() == GOOD, 10, "GOOD")
+        wait_for(lambda: self.tip.quality() == GOOD, "GOOD")
 
     def bad_after(self, began):
         """Returns the first BAD sample since then; no value may follow until the caller has restored the bus."""
-        wait_for(lambda: self.tip.quality() == BAD, 10, "BAD")
+        wait_for(lambda: self.tip.quality() == BAD, "BAD")
         bad, why = next((at, s.reasons) for at, s in list(self.tip.samples) if at >= began and s.quality == BAD)
         self.assertTrue(why & DISCONNECTED, "it was its age that told, not the link")
         self.assertFalse([s for s in self.tip.between(bad, now_ns()) if s.quality != BAD], "a value after the end")
@@ -131,7 +131,7 @@ class Case(unittest.TestCase):
             seen = link_of(self.daemon, "can")
             return {name: (seen[name], wanted) for name, wanted in counters.items() if seen[name] != wanted}
         try:
-            wait_for(lambda: not differences(), 5, "counters")
+            wait_for(lambda: not differences(), "counters")
         except TimeoutError:
             self.fail(f"(seen, wanted): {differences()}")
 

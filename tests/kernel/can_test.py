@@ -143,10 +143,10 @@ class Vcan(Case):
         time.sleep(0.3)
         continued = now_ns()
         os.kill(self.daemon.process.pid, signal.SIGCONT)
-        wait_for(lambda: link_of(self.daemon, "can")["frames"] > 1, 5, "what waited")
+        wait_for(lambda: link_of(self.daemon, "can")["frames"] > 1, "what waited")
         time.sleep(0.5)
         self.bus.sample()  # with it comes the kernel's count
-        wait_for(lambda: link_of(self.daemon, "can")["overrun"] > 0, 5, "the count")
+        wait_for(lambda: link_of(self.daemon, "can")["overrun"] > 0, "the count")
         seen = link_of(self.daemon, "can")
         print(f"stopped: {seen['frames']} of 1502 came, {seen['overrun']} overrun, {seen['lost']} lost by the counter", flush=True)
         self.assertEqual(seen["frames"] + seen["overrun"], 1502)
@@ -166,9 +166,9 @@ class Vcan(Case):
             self.bus.sample()
         sh(IP, "link", "set", "vcan0", "down")
         os.kill(self.daemon.process.pid, signal.SIGCONT)
-        wait_for(lambda: link_of(self.daemon, "can")["gone"] == 1, 5, "the end")
+        wait_for(lambda: link_of(self.daemon, "can")["gone"] == 1, "the end")
         sh(IP, "link", "set", "vcan0", "up")
-        wait_for(lambda: link_of(self.daemon, "can")["overrun"] > 0, 5, "the count")
+        wait_for(lambda: link_of(self.daemon, "can")["overrun"] > 0, "the count")
         seen = link_of(self.daemon, "can")
         print(f"stopped, then down: {seen['frames']} of 1501 came, {seen['overrun']} overrun", flush=True)
         self.assertEqual(seen["frames"] + seen["overrun"], 1501)
@@ -217,7 +217,7 @@ class Vcan(Case):
             if n % 10 != 7:
                 self.bus.send(292, struct.pack(">hxB4x", -n, n & 0xFF))
         self.expect(frames=240, lost=60)
-        wait_for(lambda: self.tip.last().lost == 60, 5, "the last one")
+        wait_for(lambda: self.tip.last().lost == 60, "the last one")
         for _, s in list(self.tip.samples):
             if s.quality == GOOD:
                 self.assertEqual(round(s.force_S_N[0]), -round(s.force_S_N[1]))

@@ -128,21 +128,20 @@ class Chain(unittest.TestCase):
         self.addCleanup(single.close)
         registers = Registers(daemon.port)
         self.addCleanup(registers.socket.close)
-        wait_for(lambda: registers.force_N(CAP, FZ) == 0, 60, "the unloaded sensor")
+        wait_for(lambda: registers.force_N(CAP, FZ) == 0, "the unloaded sensor", 60)
         took = []
         for press_N, fx_N in ((1, 0), (4, 0.6), (8, -0.9), (0, 1.1)):
             self.press(press_N, fx_N)
             began = time.monotonic()
             wait_for(lambda: abs((registers.force_N(CAP, FZ) or 0) + press_N) < 0.011 and
-                     abs((registers.force_N(CAP, FX) or 0) - fx_N) < 0.011, 60,
-                     f"{press_N} N of press and {fx_N} N of shear in the registers")
+                     abs((registers.force_N(CAP, FX) or 0) - fx_N) < 0.011, f"{press_N} N of press and {fx_N} N of shear in the registers", 60)
             took.append(time.monotonic() - began)
             self.assertAlmostEqual(registers.force_N(CAP, FY), 0, delta=0.011)
         print(f"a load is in the registers after {min(took) * 1000:.0f} .. {max(took) * 1000:.0f} ms", flush=True)
 
         # The film is constant at 0 V and is pressed with 3 N: after some time constants only the centre electrode
         # shows the press.
-        wait_for(lambda: abs((registers.force_N(FILM, FZ) or 0) + 3) < 0.011, 60, "3 N of the film")
+        wait_for(lambda: abs((registers.force_N(FILM, FZ) or 0) + 3) < 0.011, "3 N of the film", 60)
         # The second converter numbers its conversions: its values appear in order.
         numbers = [round(s.force_S_N[2]) for _, s in list(single.samples) if s.quality == GOOD]
         self.assertGreater(len(numbers), 20)
@@ -151,23 +150,23 @@ class Chain(unittest.TestCase):
 
         # No chip answers any more: the registers contain no force, and it returns.
         self.bus.tell("dead 0 1")
-        wait_for(lambda: registers.force_N(CAP, FZ) is None, 30, "no force")
+        wait_for(lambda: registers.force_N(CAP, FZ) is None, "no force")
         self.assertIsNone(registers.force_N(CAP, FX))
         self.assertIsNotNone(registers.force_N(FILM, FZ))
         self.bus.tell("dead 0 0")
-        wait_for(lambda: registers.force_N(CAP, FX) is not None, 60, "the force again")
+        wait_for(lambda: registers.force_N(CAP, FX) is not None, "the force again", 60)
 
         # The switch's chip is removed: the link is disconnected, and no electrode's value is taken for another's;
         # then it returns.
         live = pathlib.Path("/sys/kernel/config/gpio-sim/tactile/live")
         live.write_text("0")
-        wait_for(lambda: registers.force_N(CAP, FZ) is None, 30, "no force without the switch")
-        wait_for(lambda: link_of(daemon, "bus")["gone"] >= 1, 30, "the link to be gone")
+        wait_for(lambda: registers.force_N(CAP, FZ) is None, "no force without the switch")
+        wait_for(lambda: link_of(daemon, "bus")["gone"] >= 1, "the link to be gone")
         live.write_text("1")
         _, lines = gpio_chip()
         self.bus.tell("select 0 " + " ".join(f"{lines}/sim_gpio{n}/value" for n in (2, 3, 8)))
         self.press(5, 0)
-        wait_for(lambda: abs((registers.force_N(CAP, FZ) or 0) + 5) < 0.011, 60, "the force, with the switch")
+        wait_for(lambda: abs((registers.force_N(CAP, FZ) or 0) + 5) < 0.011, "the force, with the switch", 60)
         counts = link_of(daemon, "bus")
         print(", ".join(f"{key} {counts[key]}" for key in ("frames", "lost", "bus_error", "gone", "opened", "restarted")), flush=True)
 

@@ -144,7 +144,7 @@ class FourLinks(unittest.TestCase):
         self.assertEqual(feeder.stdout.readline(), "ready\n")
         be_hardware(feeder.pid, 95)  # it catches up after a delay
         daemon.start()
-        wait_for(lambda: all(link_of(daemon, name)["open"] for name in CHANNELS), 30, "the links")
+        wait_for(lambda: all(link_of(daemon, name)["open"] for name in CHANNELS), "the links")
         return daemon, feeder
 
     def test_nothing_is_lost(self):

@@ -36,7 +36,7 @@ def plug(there):
     if bool(int(LIVE.read_text())) != there:
         LIVE.write_text("1" if there else "0")
     if there:
-        wait_for(lambda: pathlib.Path(gpio_chip()[0]).exists(), 10, "the chip")
+        wait_for(lambda: pathlib.Path(gpio_chip()[0]).exists(), "the chip")
 
 
 class Edges:
@@ -149,51 +149,51 @@ class TheOutputs(unittest.TestCase):
     def test_fault_is_low_until_all_is_well_and_when_a_sensor_ends(self):
         with machine_daemon(OUTPUTS) as daemon:
             daemon.start()
-            wait_for(lambda: value(self.FAULT) == 1, 10, "fault to be off")
+            wait_for(lambda: value(self.FAULT) == 1, "fault to be off")
             self.assertTrue(5 <= self.turns_of_alive() <= 12)  # 10 a second
             daemon.others[0].kill()
-            wait_for(lambda: value(self.FAULT) == 0, 10, "fault: the sensor is gone")
-            wait_for(lambda: self.turns_of_alive(0.5) == 0, 10, "alive to stand still")
+            wait_for(lambda: value(self.FAULT) == 0, "fault: the sensor is gone")
+            wait_for(lambda: self.turns_of_alive(0.5) == 0, "alive to stand still")
 
     def test_an_output_that_is_not_to_be_had_holds_back_no_other(self):
         with machine_daemon('[gpio]\nchip = "tactile"\nfault = "fault"\nalive = "4"\n') as daemon:  # one line, named twice
             daemon.start()
-            wait_for(lambda: value(self.FAULT) == 1, 10, "fault to be off")
-            wait_for(lambda: '[gpio]: alive: GPIO line "4"' in daemon.log(), 5, "what is refused in the log")
+            wait_for(lambda: value(self.FAULT) == 1, "fault to be off")
+            wait_for(lambda: '[gpio]: alive: GPIO line "4"' in daemon.log(), "what is refused in the log")
             self.assertIn('drives 1 of 2 lines of chip "tactile"', daemon.log())
             daemon.others[0].kill()
-            wait_for(lambda: value(self.FAULT) == 0, 10, "fault: the sensor is gone")
+            wait_for(lambda: value(self.FAULT) == 0, "fault: the sensor is gone")
         held = Edges("alive")  # by another program, for a while
         self.assertEqual(held.ask("open"), "ok")
         with machine_daemon(OUTPUTS) as daemon:
             daemon.start()
-            wait_for(lambda: value(self.FAULT) == 1, 10, "fault to be off")
+            wait_for(lambda: value(self.FAULT) == 1, "fault to be off")
             held.close()
-            wait_for(lambda: self.turns_of_alive(0.3) > 0, 10, "alive to be driven, too")
+            wait_for(lambda: self.turns_of_alive(0.3) > 0, "alive to be driven, too")
 
     # The chip determines the level of a released line, here its pull, so the final fault level is not visible.
     def test_a_killed_daemon_stops_alive_and_its_successor_drives_the_lines(self):
         with machine_daemon(OUTPUTS) as daemon:
             daemon.start()
-            wait_for(lambda: value(self.FAULT) == 1, 10, "fault to be off")
+            wait_for(lambda: value(self.FAULT) == 1, "fault to be off")
             os.kill(daemon.process.pid, signal.SIGKILL)
             daemon.process.wait()
             time.sleep(0.1)
             self.assertEqual(self.turns_of_alive(), 0)
             daemon.start()
-            wait_for(lambda: value(self.FAULT) == 1, 10, "fault to be off")
+            wait_for(lambda: value(self.FAULT) == 1, "fault to be off")
 
     def test_a_chip_taken_away_touches_no_sensor_and_is_driven_again(self):
         with machine_daemon(OUTPUTS) as daemon:
             daemon.start()
             other = Witness(daemon, "other")
             other.wait_for_quality(GOOD)
-            wait_for(lambda: value(self.FAULT) == 1, 10, "fault to be off")
+            wait_for(lambda: value(self.FAULT) == 1, "fault to be off")
             for _ in range(3):
                 plug(False)
                 time.sleep(0.5)
                 plug(True)
-                wait_for(lambda: value(self.FAULT) == 1 and self.turns_of_alive(0.3) > 0, 10, "the lines to be driven again")
+                wait_for(lambda: value(self.FAULT) == 1 and self.turns_of_alive(0.3) > 0, "the lines to be driven again")
             self.assertEqual(daemon.log().count("is disconnected"), 1, daemon.log())
             self.assertEqual(len({sample.epoch for _, sample in other.samples}), 1)
             self.assertEqual(link_of(daemon, "other")["lost"], 0)

@@ -23,7 +23,7 @@ class Guard(unittest.TestCase):
 
     def wait_for_frames(self, link, more):
         wanted = link_of(self.daemon, link)["frames"] + more
-        wait_for(lambda: link_of(self.daemon, link)["frames"] >= wanted, 30, f"frames of link {link}")
+        wait_for(lambda: link_of(self.daemon, link)["frames"] >= wanted, f"frames of link {link}")
 
     def report(self):
         status, _ = self.daemon.stop()

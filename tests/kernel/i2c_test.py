@@ -70,26 +70,26 @@ class Bus:
         self.path = self.wait()
 
     def wait(self):
-        wait_for(lambda: (i2c_bus("i2c-tiny-usb") or "") and os.path.exists(i2c_bus("i2c-tiny-usb")), 10, "the adapter")
+        wait_for(lambda: (i2c_bus("i2c-tiny-usb") or "") and os.path.exists(i2c_bus("i2c-tiny-usb")), "the adapter")
         return i2c_bus("i2c-tiny-usb")
 
     def report(self):
         path = pathlib.Path("/tmp/usbip_i2c.json")
         path.unlink(missing_ok=True)
         self.tell(f"report {path}")
-        wait_for(path.exists, 5, "the emulator's report")
+        wait_for(path.exists, "the emulator's report")
         return json.loads(path.read_text())
 
     def close(self):
         self.emulator.close()
-        wait_for(lambda: i2c_bus("i2c-tiny-usb") is None, 10, "the adapter to go")
+        wait_for(lambda: i2c_bus("i2c-tiny-usb") is None, "the adapter to go")
 
 
 def published(witness, quality, begin_ns, seconds=10):
     """ns after `begin_ns` at which the first sample of that quality was published."""
     def found():
         return [s.t_published_ns for _, s in list(witness.samples) if s.quality == quality and s.t_published_ns >= begin_ns]
-    wait_for(found, seconds, f"quality {quality}; last {witness.last()}")
+    wait_for(found, f"quality {quality}; last {witness.last()}", seconds)
     return found()[0]
 
 
@@ -151,7 +151,7 @@ class I2c(unittest.TestCase):
         self.addCleanup(daemon.__exit__)
         daemon.start()
         self.cap = self.witness(daemon, "cap")
-        wait_for(lambda: link_of(daemon, "bus")["frames"] > 100, 20, "frames")
+        wait_for(lambda: link_of(daemon, "bus")["frames"] > 100, "frames")
 
         def stamped():  # number of 20 conversions whose sample has the timestamp of the line's own edge
             exact = 0
@@ -180,7 +180,7 @@ class I2c(unittest.TestCase):
         self.addCleanup(daemon.__exit__)
         daemon.start()
         self.cap = self.witness(daemon, "cap")
-        wait_for(lambda: link_of(daemon, "bus")["frames"] > 200, 20, "frames")  # by now it knows the chip's clock
+        wait_for(lambda: link_of(daemon, "bus")["frames"] > 200, "frames")  # by now it knows the chip's clock
         shares = []
         for _ in range(5):
             begin, idle = now_ns(), idle_s()
@@ -250,7 +250,7 @@ class I2c(unittest.TestCase):
         daemon = machine_daemon(LINKS.replace("BUS", self.bus.path))
         self.addCleanup(daemon.__exit__)
         daemon.start()
-        wait_for(lambda: "nau7802 at 0x2a: its register 0x1f reads" in daemon.log(), 5, "the complaint")
+        wait_for(lambda: "nau7802 at 0x2a: its register 0x1f reads" in daemon.log(), "the complaint")
         counts = link_of(daemon, "bus")
         self.assertFalse(counts["open"])
         self.assertEqual(counts["frames"], 0)
@@ -263,7 +263,7 @@ class I2c(unittest.TestCase):
         self.bus.tell("hang 1")
         bad = published(self.cap, BAD, began)
         self.bridge.wait_for_quality(BAD)
-        wait_for(lambda: "the bus hangs" in daemon.log(), 10, "the complaint")
+        wait_for(lambda: "the bus hangs" in daemon.log(), "the complaint")
         self.assertFalse([s for _, s in list(self.cap.samples) if s.t_published_ns > bad and s.quality != BAD], "a value from nowhere")
         back = now_ns()
         self.bus.tell("hang 0")
@@ -281,7 +281,7 @@ class I2c(unittest.TestCase):
             began = now_ns()
             self.bus.tell("unplug")
             bad = published(self.cap, BAD, began)
-            wait_for(lambda: i2c_bus("i2c-tiny-usb") is None, 5, "the kernel to let it go: somebody holds it open")
+            wait_for(lambda: i2c_bus("i2c-tiny-usb") is None, "the kernel to let it go: somebody holds it open")
             self.assertFalse([s for _, s in list(self.cap.samples) if s.t_published_ns > bad and s.quality != BAD], "a value after the end")
             self.bus.tell("plug")
             self.assertEqual(self.bus.wait(), self.bus.path)
@@ -290,7 +290,7 @@ class I2c(unittest.TestCase):
             last = [s.t_ns for _, s in list(self.cap.samples) if s.quality == GOOD and s.t_published_ns < bad][-1]
             print(f"pulled: last value {(last - began) / 1e6:.0f} ms after, BAD after {(bad - began) / 1e6:.0f} ms; plugged: GOOD after {(good - plugged) / 1e6:.0f} ms")
             self.assertLess(bad - began, 200e6)
-            wait_for(lambda: link_of(daemon, "bus")["gone"] == turn, 5, f"gone = {turn}")
+            wait_for(lambda: link_of(daemon, "bus")["gone"] == turn, f"gone = {turn}")
             self.assertEqual(link_of(daemon, "bus")["opened"], turn + 1)
         self.assert_true_values(self.cap)
         self.assert_untouched(daemon)
@@ -329,14 +329,14 @@ class Stub(unittest.TestCase):
         links = without(LINKS, "bridge").replace("mux = {address = 0x70, channel = 2}\n", "").replace("BUS", path)
         with machine_daemon(links) as daemon:
             daemon.start()
-            wait_for(lambda: chip.call(False, 10) == 1, 10, "the set-up: 91 Hz, continuous")
+            wait_for(lambda: chip.call(False, 10) == 1, "the set-up: 91 Hz, continuous")
             self.assertEqual([chip.call(False, r) for r in (7, 8, 9, 11, 12)], [0x80, 0, 0x0B, 0, 0])
             cap = Witness(daemon, "cap")
             cap.wait_for_quality(GOOD)
             self.assertAlmostEqual(cap.last().force_S_N[2], 0x12345, places=6)
             for register, value in ((1, 0), (2, 0), (3, 0)):
                 chip.call(True, register, value)
-            wait_for(lambda: "saturated" in cap.last().reasons_text, 5, "the rail")
+            wait_for(lambda: "saturated" in cap.last().reasons_text, "the rail")
             self.assertNotEqual(cap.quality(), GOOD)
             cap.close()
 

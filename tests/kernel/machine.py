@@ -17,8 +17,8 @@ from daemon import BIN  # noqa: E402,F401
 PATIENCE = float(os.environ.get("PATIENCE", 1))  # run.sh: more for slow builds
 
 
-def wait_for(condition, seconds, what):
-    system.wait_for(condition, seconds * PATIENCE, what)
+def wait_for(condition, what, seconds=system.PATIENCE_S):
+    system.wait_for(condition, what, seconds * PATIENCE)
 
 
 class Daemon(system.Daemon):
@@ -122,7 +122,7 @@ class Witness:
         def seen():
             found[:] = [at for at, sample in list(self.samples) if at >= begin and sample.quality == quality][:1]
             return found
-        wait_for(seen, seconds, f"quality {quality}; last {self.last()}")
+        wait_for(seen, f"quality {quality}; last {self.last()}", seconds)
         return found[0]
 
     def between(self, begin_ns, end_ns):

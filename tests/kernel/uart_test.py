@@ -63,12 +63,12 @@ class Cable:
     def plug(self):
         self._to_host.write(b"plug\n")
         self._plugged = True
-        wait_for(pathlib.Path("/dev/ttyUSB0").exists, 10, "/dev/ttyUSB0")
+        wait_for(pathlib.Path("/dev/ttyUSB0").exists, "/dev/ttyUSB0")
 
     def unplug(self):
         self._plugged = False
         self._to_host.write(b"unplug\n")
-        wait_for(lambda: not pathlib.Path("/dev/ttyUSB0").exists(), 10, "/dev/ttyUSB0 to go")
+        wait_for(lambda: not pathlib.Path("/dev/ttyUSB0").exists(), "/dev/ttyUSB0 to go")
 
 
 class Uart(unittest.TestCase):
@@ -92,7 +92,7 @@ class Uart(unittest.TestCase):
                 good = tip.wait_for_quality(GOOD)
                 print(f"pulled: BAD within {(bad - began) / 1e6:.0f} ms; plugged: GOOD after {(good - plugged) / 1e6:.0f} ms")
                 # status copies the counters once a burst
-                wait_for(lambda: link_of(daemon, "usb")["gone"] == turn, 5, f"gone = {turn}")
+                wait_for(lambda: link_of(daemon, "usb")["gone"] == turn, f"gone = {turn}")
                 self.assertEqual(link_of(daemon, "usb")["opened"], turn + 1)
             for at, sample in tip.samples:
                 if sample.quality == GOOD:
@@ -106,7 +106,7 @@ class Uart(unittest.TestCase):
     def test_a_rate_that_the_uart_does_not_do_is_said_not_read(self):
         with machine_daemon(WRONG_RATE) as daemon:
             daemon.start()
-            wait_for(lambda: "921600" in daemon.log(), 5, "the complaint")
+            wait_for(lambda: "921600" in daemon.log(), "the complaint")
             self.assertIn("921600 baud was requested, and the port runs at ", daemon.log())
             self.assertFalse(link_of(daemon, "slow")["open"])
             time.sleep(0.2)

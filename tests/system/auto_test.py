@@ -116,7 +116,7 @@ class Auto(unittest.TestCase):
 
     def begin(self):
         self.daemon.start()
-        wait_for(lambda: all("now" in s for s in self.status().values()), 5, "values of all sensors")
+        wait_for(lambda: all("now" in s for s in self.status().values()), "values of all sensors")
 
     def test_steps_down_over_budget_up_after_calm_and_every_sample_is_by_the_method_that_it_names(self):
         self.begin()
@@ -165,7 +165,7 @@ class Auto(unittest.TestCase):
             hog.wait()
             spans[kind] += [time.monotonic_ns()] if not refused else []
         spans["before"].append(spans["ordinary"][0])
-        wait_for(lambda: self.status()["roomy"]["steps_up"] >= 1, 30, "the step up of the sensor with time enough")
+        wait_for(lambda: self.status()["roomy"]["steps_up"] >= 1, "the step up of the sensor with time enough")
 
         now = self.status()
         self.assertEqual(now["impossible"]["now"], front[-1])

@@ -16,7 +16,7 @@ import jsonschema
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from bridge_process import Process, bridge  # noqa: E402
-from daemon import BIN, ROOT, free_port, wait_for  # noqa: E402
+from daemon import BIN, PATIENCE_S, ROOT, Stopwatch, free_port, wait_for  # noqa: E402
 from unit_daemon import play, quality_is, unit_daemon  # noqa: E402
 
 SCHEMA = json.loads((ROOT / "node/bridges/mqtt.schema.json").read_text())
@@ -52,7 +52,7 @@ class Subscriber:
             topic, _, text = line.partition(" ")
             self.messages.put((topic, json.loads(text)))
 
-    def until(self, condition, seconds=5):
+    def until(self, condition, seconds=PATIENCE_S):
         """The first message for which condition(topic, message) is true."""
         limit = time.monotonic() + seconds
         while (left := limit - time.monotonic()) > 0:
@@ -77,7 +77,7 @@ class Mqtt(unittest.TestCase):
         self.daemon = unit_daemon().start()
         self.addCleanup(shutil.rmtree, self.daemon.folder)
         self.addCleanup(self.daemon.__exit__)
-        wait_for(quality_is(self.daemon, "good"), 5, "a good value")
+        wait_for(quality_is(self.daemon, "good"), "a good value")
         self.broker = Broker(self.daemon.folder)
         self.addCleanup(lambda: self.broker.process.__exit__())
         self.node = f"tactiled/{self.daemon.name}"
@@ -96,6 +96,7 @@ class Mqtt(unittest.TestCase):
         return topic == f"{self.node}/left/wrench" and message["quality"] == "good"
 
     def test_messages_have_the_segments_values_and_their_schema(self):
+        began_s = time.time()
         self.bridge()
         subscriber = self.subscriber()
         seen = {}
@@ -105,7 +106,7 @@ class Mqtt(unittest.TestCase):
         wrench = seen[f"{self.node}/left/wrench"]
         self.assertEqual((wrench["force_N"], wrench["torque_Nm"], wrench["quality"]), ([1, 2, -3], [None] * 3, "good"))
         self.assertEqual(wrench["sd_force_N"], [0.01] * 3)
-        self.assertAlmostEqual(wrench["t_s"], time.time(), delta=1)
+        self.assertTrue(began_s < wrench["t_s"] < time.time(), "no time of day")
         self.assertEqual(seen[f"{self.node}/state"]["sensors"], ["left"])
         wrench["quality"] = "bad"
         with self.assertRaises(jsonschema.ValidationError):
@@ -133,12 +134,13 @@ class Mqtt(unittest.TestCase):
         server = self.bridge()
         subscriber = self.subscriber()
         subscriber.until(self.is_good)
-        self.daemon.process.kill()
-        killed = time.monotonic()
-        self.daemon.process.wait()
-        bad = subscriber.until(lambda topic, message: topic.endswith("wrench") and message["quality"] == "bad")
-        print(f"\nBAD after kill -9 of the daemon, s: {time.monotonic() - killed:.2f}")
-        self.assertLess(time.monotonic() - killed, 1)
+        with Stopwatch() as watch:
+            self.daemon.process.kill()
+            self.daemon.process.wait()
+            bad = subscriber.until(lambda topic, message: topic.endswith("wrench") and message["quality"] == "bad")
+            took_s = watch.seconds()
+        print(f"\nBAD after kill -9 of the daemon, s: {took_s:.2f}")
+        self.assertLess(took_s, 1)
         check("x/wrench", bad)
         self.assertEqual(bad["force_N"], [None] * 3)
         state = subscriber.until(lambda topic, message: topic.endswith("state") and not message["daemon"])
@@ -149,7 +151,7 @@ class Mqtt(unittest.TestCase):
         self.daemon.others[0].kill()
         play(self.daemon)
         self.daemon.start()
-        subscriber.until(self.is_good, 10)
+        subscriber.until(self.is_good)
         server.kill()
         killed = time.monotonic()
         self.assertEqual(subscriber.until(lambda topic, message: topic.endswith("state") and not message["online"])["daemon"], False)
@@ -170,13 +172,13 @@ class Mqtt(unittest.TestCase):
         subscriber = self.subscriber()
         subscriber.until(self.is_good)
         self.broker.process.kill()
-        wait_for(lambda: "not connected" in server.log(), 5, "the loss")
+        wait_for(lambda: "not connected" in server.log(), "the loss")
         time.sleep(2)
         self.assertEqual(quality_is(self.daemon, "good")(), True)
         self.broker.start()
         subscriber = self.subscriber()
-        subscriber.until(self.is_good, 15)
-        state = subscriber.until(lambda topic, message: topic.endswith("state") and message.get("dropped", 0) > 0, 15)
+        subscriber.until(self.is_good)
+        state = subscriber.until(lambda topic, message: topic.endswith("state") and message.get("dropped", 0) > 0)
         print(f"\ndropped while the broker was away: {state['dropped']}")
         self.assertGreater(state["dropped"], 50)
 
@@ -188,11 +190,11 @@ class Mqtt(unittest.TestCase):
         time.sleep(5)
         self.assertLess(server.status("VmRSS") - before, 4096)
         self.broker.process.process.send_signal(18)
-        self.subscriber().until(self.is_good, 20)
+        self.subscriber().until(self.is_good)
 
     def test_no_broker_is_no_error(self):
         server = self.bridge(port=free_port())
-        wait_for(lambda: "not connected" in server.log(), 5, "the message")
+        wait_for(lambda: "not connected" in server.log(), "the message")
         self.assertIsNone(server.process.poll())
         self.assertEqual(server.stop(), 0)
 
@@ -227,7 +229,7 @@ class Mqtt(unittest.TestCase):
         good.stop()
         (folder / "password").write_text("wrong one\n")
         wrong = self.bridge(*words, "--broker", "localhost", port=secure.port)
-        wait_for(lambda: "refused" in wrong.log(), 10, "the refusal")
+        wait_for(lambda: "refused" in wrong.log(), "the refusal")
         (folder / "password").write_text("right one\n")
         stranger = self.bridge("--tls", *words[2:], "--broker", "localhost", port=secure.port)  # its authority is not in /etc/ssl/certs
         time.sleep(2.5)

@@ -19,7 +19,7 @@ class Process:
         with open(self.log_path, "w") as log:
             self.process = subprocess.Popen([str(word) for word in words], stderr=log, stdout=stdout or log, env=env)
         if ready is not None:
-            wait_for(lambda: ready in self.log() or self.process.poll() is not None, 10, f"{words[0]}: {ready}")
+            wait_for(lambda: ready in self.log() or self.process.poll() is not None, f"{words[0]}: {ready}")
             assert self.process.poll() is None, self.log()
 
     def log(self):
@@ -42,7 +42,7 @@ class Process:
     def stop(self):
         """SIGTERM; its exit status."""
         self.process.send_signal(signal.SIGTERM)
-        return self.process.wait(timeout=10)
+        return self.process.wait(timeout=60)
 
     def __enter__(self):
         return self

@@ -2,10 +2,9 @@
 """tactiled-rdt: a client of RDT reads the values of the segment, and nothing at all while there is no value."""
 import pathlib
 import shutil
-import socket
+import statistics
 import subprocess
 import sys
-import time
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
@@ -24,7 +23,7 @@ class Rdt(unittest.TestCase):
         self.daemon = unit_daemon(self.rows).start()
         self.addCleanup(shutil.rmtree, self.daemon.folder)
         self.addCleanup(self.daemon.__exit__)
-        wait_for(quality_is(self.daemon, "good"), 5, "a good value")
+        wait_for(quality_is(self.daemon, "good"), "a good value")
         self.port = free_port()
 
     def bridge(self, *words):
@@ -38,7 +37,7 @@ class Rdt(unittest.TestCase):
         return client
 
     def refused(self, *words):
-        done = subprocess.run([BIN / "tactiled-rdt", "--node", self.daemon.name, *words], capture_output=True, text=True, timeout=10)
+        done = subprocess.run([BIN / "tactiled-rdt", "--node", self.daemon.name, *words], capture_output=True, text=True, timeout=60)
         self.assertEqual(done.returncode, 2, done.stderr)
         return done.stderr
 
@@ -53,15 +52,14 @@ class Rdt(unittest.TestCase):
         self.assertEqual([r[1] for r in records], list(range(first, first + 100)))
         self.assertEqual({r[2] for r in records}, {0})
         client.request(STOP)
-        time.sleep(0.1)
-        client.records(0.05)
-        self.assertEqual(client.records(0.3), [])
+        wait_for(lambda: client.records(0.3) == [], "the end of the stream")
 
     def test_a_request_for_three_records_gets_three(self):
         self.bridge("--zero", "mx,my,mz")
         client = self.client()
         client.request(STREAM, 3)
-        self.assertEqual([r[0] for r in client.records(0.5)], [1, 2, 3])
+        self.assertEqual([client.record()[0] for _ in range(3)], [1, 2, 3])
+        self.assertEqual(client.records(0.5), [])
 
     def test_a_sensor_of_three_axes_is_refused_unless_told(self):
         self.assertIn("does not measure mx,my,mz", self.refused("--sensor", "left"))
@@ -80,9 +78,7 @@ class Rdt(unittest.TestCase):
         device = self.daemon.others[0]
         device.kill()
         device.wait()
-        time.sleep(0.3)  # stale_ms = 100
-        client.records(0.05)
-        self.assertEqual(client.records(0.5), [])
+        wait_for(lambda: client.records(0.5) == [], "the end of the records")
         self.daemon.process.kill()
         self.daemon.process.wait()
         self.assertEqual(client.records(0.6), [])
@@ -90,7 +86,6 @@ class Rdt(unittest.TestCase):
         from unit_daemon import play
         play(self.daemon)
         self.daemon.start()
-        client.socket.settimeout(10)
         self.assertEqual(client.record()[3], [1, 2, -3, 0, 0, 0])
 
     def test_a_killed_bridge_stops_the_stream_and_its_successor_serves_a_new_request(self):
@@ -99,9 +94,7 @@ class Rdt(unittest.TestCase):
         client.request(STREAM)
         client.record()
         first.kill()
-        client.records(0.05)
-        with self.assertRaises((socket.timeout, ConnectionRefusedError)):
-            client.record()
+        wait_for(lambda: client.records(0.5) == [], "the end of the records")
         self.assertEqual(self.daemon.process.poll(), None)
         self.bridge("--zero", "mx,my,mz")
         client.request(STREAM)
@@ -113,7 +106,7 @@ class Rdt(unittest.TestCase):
         client.request(STREAM)
         client.record()
         client.close()
-        wait_for(lambda: "no client" in server.log().splitlines()[-1], 5, "the stream's end")
+        wait_for(lambda: "no client" in server.log().splitlines()[-1], "the stream's end")
 
     def test_a_bias_is_refused_unless_allowed_and_is_of_one_client(self):
         server = self.bridge("--zero", "mx,my,mz")
@@ -121,23 +114,29 @@ class Rdt(unittest.TestCase):
         client.request(STREAM)
         client.record()
         client.request(BIAS)
+        wait_for(lambda: "refused" in server.log(), "the refusal")
         self.assertEqual({tuple(r[3]) for r in client.records(0.3)}, {(1, 2, -3, 0, 0, 0)})
-        self.assertIn("refused", server.log())
         server.stop()
         self.bridge("--zero", "mx,my,mz", "--bias")
         other = self.client()
         for each in (client, other):
             each.request(STREAM)
         client.request(BIAS)
-        client.records(0.2)
-        self.assertEqual(client.record()[3], [0, 0, 0, 0, 0, 0])
-        self.assertEqual(other.record()[3], [1, 2, -3, 0, 0, 0])
+        while (record := client.record())[3] != [0, 0, 0, 0, 0, 0]:
+            self.assertEqual(record[3], [1, 2, -3, 0, 0, 0])
+        while (of_other := other.record())[1] <= record[1]:  # later than the bias
+            pass
+        self.assertEqual(of_other[3], [1, 2, -3, 0, 0, 0])
 
     def test_a_rate_is_kept(self):
         self.bridge("--zero", "mx,my,mz", "--rate-Hz", "50")
         client = self.client()
         client.request(STREAM)
-        self.assertAlmostEqual(len(client.records(2)), 100, delta=15)
+        samples = [client.record()[1] for _ in range(101)]
+        steps = [b - a for a, b in zip(samples, samples[1:])]
+        # By the numbers of the samples, 200 per second, because a busy machine may leave records out.
+        self.assertEqual(statistics.median(steps), 4)
+        self.assertGreater(samples[-1] - samples[0], 0.95 * 4 * 100)
 
     def test_rubbish_changes_nothing(self):
         self.bridge("--zero", "mx,my,mz")

@@ -113,7 +113,7 @@ class Identify(Case):
                                    "--counts-per-unit", "1e9", "--loop"], stderr=subprocess.DEVNULL)
         self.addCleanup(player.wait)
         self.addCleanup(player.terminate)
-        wait_for((self.folder / "dev").is_symlink, 5, "the port")
+        wait_for((self.folder / "dev").is_symlink, "the port")
         answer = json.loads(ctl("identify", self.folder / "dev", "--json").stdout)
         self.assertIn('format = "cobs"', answer["link"])
         self.assertEqual(answer["channels"], 8)
@@ -208,7 +208,7 @@ class Capture(Case):
         with Daemon(config.read_text() + "\n" + sensor) as d:
             d.start()
             device.load = [1.5, -1.0, -5.0]
-            wait_for(lambda: json.loads(d.ctl("status", "--json").stdout)["sensors"][0]["quality"].startswith(("good", "uncertain")), 5, "a value")
+            wait_for(lambda: json.loads(d.ctl("status", "--json").stdout)["sensors"][0]["quality"].startswith(("good", "uncertain")), "a value")
             time.sleep(0.5)
             force = json.loads(d.ctl("status", "--json").stdout)["sensors"][0]["force_S_N"]
         for measured, true in zip(force, device.load):
@@ -338,7 +338,7 @@ class Capture(Case):
     def test_a_sensor_of_the_daemon_is_the_reference(self):
         with unit_daemon("0,0,0,-5\n0.01,0,0,-5\n") as d:
             d.start()
-            wait_for(quality_is(d, "good"), 5, "a good sample")
+            wait_for(quality_is(d, "good"), "a good sample")
             done = ctl("capture", self.device().path, "--reference", "left", "--node", d.name, "--append", self.folder / "a.csv", "--seconds", "0.5")
             self.assertEqual(done.returncode, 0, done.stderr)
             row = (self.folder / "a.csv").read_text().splitlines()[-1].split(",")

@@ -52,7 +52,7 @@ class Check(unittest.TestCase):
     def test_loads_that_the_channels_cannot_show_are_named(self):
         self.assertIn("a press beside the places of the calibration (3 channels, 5 unknowns)", self.check(CONFIG).stdout)
         self.assertNotIn("change of the load", self.check(CONFIG).stdout)
-        slow = self.check(CONFIG.replace("stale_ms", "delay_ms = 250\nstale_ms")).stdout
+        slow = self.check(CONFIG.replace("stale_ms = 2000", "delay_ms = 250\nstale_ms = 100")).stdout
         self.assertIn("a change of the load within the 500 ms over which the channels are measured, longer than stale_ms = ", slow)
 
     def test_a_misspelt_key_is_one_error(self):
@@ -107,7 +107,7 @@ class Check(unittest.TestCase):
         sensor = done.stdout[done.stdout.index("[[sensor]]"):]
         link = CONFIG[:CONFIG.index("[[sensor]]")].replace("channels = 3", "channels = 1")
         self.assertNotIn("an outage", self.check(link + sensor).stdout)
-        quick = self.check(CONFIG.replace("stale_ms", "rate_Hz = 10\nstale_ms")).stdout
+        quick = self.check(CONFIG.replace("stale_ms = 2000", "rate_Hz = 10\nstale_ms = 100")).stdout
         self.assertIn("its frames are 100 ms apart, and without one for stale_ms = 100 there is no value", quick)
         self.assertIn("-> stale_ms = 300", quick)
 

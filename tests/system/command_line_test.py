@@ -85,7 +85,7 @@ class WithDaemon(unittest.TestCase):
         cls.daemon = unit_daemon()
         cls.addClassCleanup(cls.daemon.__exit__)
         cls.daemon.start()
-        wait_for(quality_is(cls.daemon, "good"), 5, "a good sample")
+        wait_for(quality_is(cls.daemon, "good"), "a good sample")
 
     def test_options_stand_before_the_verb_or_after_it(self):
         name = self.daemon.name
@@ -111,7 +111,7 @@ class WithDaemon(unittest.TestCase):
                     text += piece
             except OSError:
                 pass
-            process.wait(10)
+            process.wait(timeout=60)
             os.close(master)
             return text.decode()
         self.assertIn("\x1b[32mgood", on_terminal())
@@ -173,7 +173,7 @@ COMP_WORDS=($words); COMP_CWORD=$(( ${{#COMP_WORDS[@]}} - 1 )); _tactilectl; ech
             taken.bind(("127.0.0.1", d.port))
             taken.listen()
             d.start()
-            wait_for(lambda: "not served yet" in d.log(), 5, "the word")
+            wait_for(lambda: "not served yet" in d.log(), "the word")
             line = [line for line in d.log().splitlines() if "node \"" in line][0]
             self.assertIn(f"Modbus 127.0.0.1:{d.port} not served yet", line)
         self.assertNotIn("not served", self.daemon.log())
@@ -183,11 +183,11 @@ class Faults(unittest.TestCase):
     def test_faults_and_warnings_are_words(self):
         with unit_daemon() as d:
             d.start()
-            wait_for(quality_is(d, "good"), 5, "a good sample")
+            wait_for(quality_is(d, "good"), "a good sample")
             self.assertEqual(json.loads(d.ctl("status", "--json").stdout)["fault"], [])
             d.others[0].send_signal(signal.SIGKILL)
-            wait_for(quality_is(d, "bad"), 5, "BAD")
-            wait_for(lambda: json.loads(d.ctl("status", "--json").stdout)["fault"], 5, "a fault")
+            wait_for(quality_is(d, "bad"), "BAD")
+            wait_for(lambda: json.loads(d.ctl("status", "--json").stdout)["fault"], "a fault")
             self.assertIn("SENSOR_LOST", json.loads(d.ctl("status", "--json").stdout)["fault"])
             self.assertIn("FAULT  sensor lost", d.ctl("status").stdout)
             self.assertIn("sensor lost", d.ctl("top", "--count", "1").stdout)
@@ -196,13 +196,13 @@ class Faults(unittest.TestCase):
     def test_lines_that_are_all_refused_are_no_silence(self):
         with unit_daemon(config=CONFIG.replace("sequence = true\n", 'checksum = "crc16"\n')) as d:
             d.start()
-            wait_for(lambda: "bytes arrive, and every frame of them is refused (bad_checksum " in d.ctl("status").stdout, 5, "the reason")
+            wait_for(lambda: "bytes arrive, and every frame of them is refused (bad_checksum " in d.ctl("status").stdout, "the reason")
             self.assertNotIn("the device is silent", d.ctl("status").stdout)
 
     def test_a_coarse_sensor_at_rest_is_told_what_to_write(self):
         with unit_daemon(config=CONFIG.replace("frozen_after = 0", "frozen_after = 20")) as d:
             d.start()
-            wait_for(lambda: ":frozen" in d.ctl("status").stdout, 5, "the frozen channels")
+            wait_for(lambda: ":frozen" in d.ctl("status").stdout, "the frozen channels")
             self.assertIn("left: a channel is frozen; remedy: the channel repeats one number", d.ctl("status").stdout)
             self.assertIn("write frozen_after = 0", d.ctl("status").stdout)
 
@@ -212,7 +212,7 @@ class Faults(unittest.TestCase):
             d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "dev", "--format", "lines", "--rate", 200, "--loop")
             self.assertIn("-> accept_unproved_age = true", ctl("check", d.config).stdout)
             d.start()
-            wait_for(quality_is(d, "good"), 5, "a good sample")
+            wait_for(quality_is(d, "good"), "a good sample")
             done = d.ctl("tare", "left")
             self.assertEqual(done.returncode, 1)
             self.assertIn("left is good:arrival-only", done.stderr)
@@ -224,7 +224,7 @@ class Faults(unittest.TestCase):
         with unit_daemon() as d:
             d.config.write_text(re.sub('control = ".*"', 'control = "/proc/nowhere/control.sock"', d.config.read_text()))
             d.start()
-            wait_for(quality_is(d, "good"), 5, "a good sample")
+            wait_for(quality_is(d, "good"), "a good sample")
             self.assertIn("there is no control socket: ", d.ctl("status").stdout)
             self.assertIn("/proc/nowhere/control.sock", d.log())
             found = json.loads(ctl("doctor", "--json", "--config", d.config).stdout)["findings"]
@@ -236,7 +236,7 @@ class Recording(unittest.TestCase):
         config = CONFIG.replace("{folder}/unit.toml", "unit.toml")
         with unit_daemon(config=config) as d:
             d.start()
-            wait_for(quality_is(d, "good"), 5, "a good sample")
+            wait_for(quality_is(d, "good"), "a good sample")
             file = d.folder / "a.mcap"
             done = ctl("record", file, "--node", d.name, "--seconds", "1")
             self.assertEqual((done.returncode, done.stderr), (0, ""))
@@ -254,7 +254,7 @@ class Recording(unittest.TestCase):
     def test_another_configuration_than_that_in_force_is_named(self):
         with unit_daemon() as d:
             d.start()
-            wait_for(quality_is(d, "good"), 5, "a good sample")
+            wait_for(quality_is(d, "good"), "a good sample")
             d.config.write_text(d.config.read_text() + "# changed after the start\n")
             done = ctl("record", d.folder / "a.mcap", "--node", d.name, "--seconds", "0.3")
             self.assertIn("was changed since the daemon read it", done.stderr)

@@ -9,10 +9,12 @@ import signal
 import socket
 import subprocess
 import tempfile
+import threading
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 BIN = pathlib.Path(os.environ.get("TACTILED_BIN", ROOT / "build/release/bin"))
+PATIENCE_S = 30  # for an event that must come; a busy machine delays a thread by several 100 ms
 
 
 def run_folder(env=os.environ):
@@ -79,7 +81,7 @@ class Daemon:
             process = subprocess.Popen([BIN / "tactilectl", "play", *map(str, words)], stderr=log, stdout=log)
         self.others.append(process)
         link = pathlib.Path(words[list(words).index("--pty") + 1])
-        wait_for(link.is_symlink, 5, f"{link} to appear")
+        wait_for(link.is_symlink, f"{link} to appear")
         return process
 
     def start(self, *command):
@@ -88,8 +90,8 @@ class Daemon:
             before = len(self.log())  # earlier starts wrote this much
             self.process = subprocess.Popen([*command, BIN / "tactiled", "--config", self.config], stderr=log, env=self.env)
         segment = self.segment
-        wait_for(lambda: segment.exists() or self.process.poll() is not None, 10, "the segment")
-        wait_for(lambda: "Modbus" in self.log()[before:] or self.process.poll() is not None, 10, "the start")
+        wait_for(lambda: segment.exists() or self.process.poll() is not None, "the segment")
+        wait_for(lambda: "Modbus" in self.log()[before:] or self.process.poll() is not None, "the start")
         assert self.process.poll() is None, self.log()
         return self
 
@@ -110,11 +112,11 @@ class Daemon:
         return subprocess.run([BIN / "tactilectl", *words], capture_output=True, text=True, timeout=timeout, env=self.reader_env)
 
     def stop(self):
-        """Sends SIGTERM; returns (exit status, duration in seconds)."""
-        began = time.monotonic()
-        self.process.send_signal(signal.SIGTERM)
-        status = self.process.wait(timeout=10)
-        return status, time.monotonic() - began
+        """Sends SIGTERM; returns (exit status, duration in seconds by a Stopwatch)."""
+        with Stopwatch() as watch:
+            self.process.send_signal(signal.SIGTERM)
+            status = self.process.wait(timeout=60)
+            return status, watch.seconds()
 
     def __enter__(self):
         return self
@@ -124,7 +126,7 @@ class Daemon:
             if process is not None and process.poll() is None:
                 process.send_signal(signal.SIGTERM)
                 try:
-                    process.wait(timeout=10)
+                    process.wait(timeout=60)
                 except subprocess.TimeoutExpired:
                     process.kill()
                     process.wait()
@@ -132,7 +134,56 @@ class Daemon:
             self.segment.unlink()
 
 
-def wait_for(condition, seconds, what):
+def halt(pid):
+    """Sends SIGSTOP to a process and returns when all of its threads stand still; until then they may go on."""
+    os.kill(pid, signal.SIGSTOP)
+    threads = pathlib.Path(f"/proc/{pid}/task")
+    wait_for(lambda: all((thread / "stat").read_text().rsplit(")", 1)[1].split()[0] == "T" for thread in threads.iterdir()), "the threads to stand still")
+
+
+def wait_until_it_rests(count, what, seconds=0.5):
+    """Waits until count() is the same for so long: what was on its way has arrived, and nothing follows."""
+    def rests():
+        before = count()
+        time.sleep(seconds)
+        return count() == before
+    wait_for(rests, f"the end of {what}")
+
+
+class Stopwatch:
+    """The time that passed, less the time by which this machine delayed a thread that sleeps for 5 ms again and again. For a test whose
+    claim is a bound in time: a busy machine delays the programs that are measured as it delays that thread. A context manager."""
+
+    NAP_S = 0.005
+
+    def __init__(self):
+        self.began_s, self.late_s, self.ended = time.monotonic(), 0.0, False
+        self.due_s, self.lock = self.began_s + self.NAP_S, threading.Lock()  # guards late_s and due_s
+        self.thread = threading.Thread(target=self.run, daemon=True)
+        self.thread.start()
+
+    def run(self):
+        while not self.ended:
+            time.sleep(self.NAP_S)
+            with self.lock:
+                now_s = time.monotonic()
+                self.late_s += max(0.0, now_s - self.due_s)
+                self.due_s = now_s + self.NAP_S
+
+    def seconds(self):
+        with self.lock:
+            return min(time.monotonic(), self.due_s) - self.began_s - self.late_s
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.ended = True
+        self.thread.join()
+
+
+def wait_for(condition, what, seconds=PATIENCE_S):
+    """Waits until condition() is true. The limit ends a test that would hang; it is no claim, and a success costs no time."""
     until = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > until:

@@ -17,12 +17,12 @@ class DeadDaemon(unittest.TestCase):
         self.daemon = unit_daemon()
         self.addCleanup(self.daemon.__exit__)
         self.daemon.start()
-        wait_for(quality_is(self.daemon, "good"), 5, "a good sample")
+        wait_for(quality_is(self.daemon, "good"), "a good sample")
         self.recorder = subprocess.Popen([BIN / "tactilectl", "record", self.daemon.folder / "a.mcap", "--node", self.daemon.name],
                                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         self.addCleanup(self.recorder.communicate)  # after kill(): cleanups run from the last to the first
         self.addCleanup(self.recorder.kill)
-        wait_for((self.daemon.folder / "a.mcap").exists, 5, "the recording")
+        wait_for((self.daemon.folder / "a.mcap").exists, "the recording")
         self.daemon.process.send_signal(signal.SIGKILL)
         self.daemon.process.wait()
         time.sleep(0.5)
@@ -37,7 +37,7 @@ class DeadDaemon(unittest.TestCase):
         self.assertNotIn(", open)", self.daemon.ctl("status").stdout)
         self.assertEqual(json.loads(self.daemon.ctl("status", "--json").stdout)["daemon"], "dead")
         self.assertFalse(json.loads(self.daemon.ctl("status", "--json").stdout)["links"][0]["open"])
-        self.recorder.wait(10)  # the recorder was running when the daemon died
+        self.recorder.wait(timeout=60)  # the recorder was running when the daemon died
         error = self.recorder.stderr.read()
         self.assertEqual(self.recorder.returncode, 3)
         self.assertIn("is dead", error)
@@ -49,10 +49,10 @@ class DeadDaemon(unittest.TestCase):
         """A supervisor or a shell may leave the ended process as a zombie, which has a number and a name in /proc."""
         with unit_daemon() as d:
             d.start()
-            wait_for(quality_is(d, "good"), 5, "a good sample")
+            wait_for(quality_is(d, "good"), "a good sample")
             os.kill(d.process.pid, signal.SIGKILL)  # Popen.send_signal() would wait for an ended process
             stat = pathlib.Path(f"/proc/{d.process.pid}/stat")
-            wait_for(lambda: "(tactiled) Z" in stat.read_text(), 5, "the zombie")
+            wait_for(lambda: "(tactiled) Z" in stat.read_text(), "the zombie")
             time.sleep(0.5)
             for words in (("status",), ("read", "left"), ("top", "--count", "1")):
                 done = d.ctl(*words)
@@ -69,7 +69,7 @@ class DeadDaemon(unittest.TestCase):
     def test_a_stopped_daemon_hangs_and_is_not_dead(self):
         with unit_daemon() as d:
             d.start()
-            wait_for(quality_is(d, "good"), 5, "a good sample")
+            wait_for(quality_is(d, "good"), "a good sample")
             d.process.send_signal(signal.SIGSTOP)
             time.sleep(0.5)
             done = d.ctl("status")

@@ -50,7 +50,7 @@ class Screen:
         whole = [p for p in pictures[1:] if p.endswith("\x1b[J")]
         return [ESCAPE.sub("", line).rstrip("\r") for line in whole[-1].split("\n")] if whole else []
 
-    def wait(self, what, condition, seconds=15):
+    def wait(self, what, condition, seconds=60):
         """Waits until condition(lines) is true; returns the lines."""
         until = time.monotonic() + seconds
         while True:
@@ -67,7 +67,7 @@ class Screen:
         if self.process.poll() is None:
             os.killpg(self.process.pid, signal.SIGTERM)
         os.close(self.master)  # else the program may wait until somebody reads its pictures
-        self.process.wait(20)
+        self.process.wait(timeout=60)
 
 
 def line_of(lines, name):
@@ -105,12 +105,12 @@ class Demo(unittest.TestCase):
     def start(self):
         screen = Screen(["node/run.sh"], self.folder, self.env, self.before)
         self.addCleanup(screen.end)
-        screen.wait("value of all sensors", lambda lines: all("GOOD" in line_of(lines, name) for name in ("left", "right", "skin")), 30)
+        screen.wait("value of all sensors", lambda lines: all("GOOD" in line_of(lines, name) for name in ("left", "right", "skin")))
         return screen
 
     def test_keys_inject_faults_and_the_view_shows_them(self):
         screen = self.start()
-        seen = screen.wait("weight", lambda lines: "stable" in line_of(lines, "grip"), 30)
+        seen = screen.wait("weight", lambda lines: "stable" in line_of(lines, "grip"))
         kg, true_kg = re.search(r"weight (0\.\d+) \+- .* true (0\.\d+) kg", line_of(seen, "grip")).groups()
         self.assertLess(abs(float(kg) - float(true_kg)), 0.05 * float(true_kg))
 
@@ -120,7 +120,7 @@ class Demo(unittest.TestCase):
         self.addCleanup(top.end)
         top.wait("good sensors", lambda lines: all("good" in line_of(lines, name) for name in ("left", "right", "skin")))
         screen.key("p")
-        screen.wait("pause", lambda lines: any(line.startswith("paused with open jaws") for line in lines), 30)
+        screen.wait("pause", lambda lines: any(line.startswith("paused with open jaws") for line in lines))
         time.sleep(0.3)
         for _ in range(3):
             tare = subprocess.run([*self.before, BIN / "tactilectl", "tare", "left"], cwd=self.folder, env=env, capture_output=True, text=True)
@@ -128,16 +128,16 @@ class Demo(unittest.TestCase):
         screen.key("p")
         self.assertTrue(any(line.startswith("key ") and line.endswith("q quit") for line in screen.lines()))
         screen.key("h")
-        held = screen.wait("held object", lambda lines: any(line.startswith("held, so that") for line in lines), 30)
+        held = screen.wait("held object", lambda lines: any(line.startswith("held, so that") for line in lines))
         kg = re.search(r"weigh known (0\.\d+)", "\n".join(held)).group(1)
         known = subprocess.run([*self.before, BIN / "tactilectl", "weigh", "known", kg], cwd=self.folder, env=env, capture_output=True, text=True)
         self.assertEqual(known.returncode, 0, known.stderr)
         screen.key("h")
-        screen.wait("next pick", lambda lines: "open" not in line_of(lines, "grip"), 30)
+        screen.wait("next pick", lambda lines: "open" not in line_of(lines, "grip"))
         screen.key("u")
         screen.wait("unplugged jaw", lambda lines: "BAD" in line_of(lines, "left") and line_of(lines, "fault: the left jaw's cable"))
         top.wait("unplugged jaw", lambda lines: "bad" in line_of(lines, "left") and "good" in line_of(lines, "right"))
-        screen.wait("pick that waits for the jaw", lambda lines: "no open gripper: grip unknown" in "\n".join(lines), 40)
+        screen.wait("pick that waits for the jaw", lambda lines: "no open gripper: grip unknown" in "\n".join(lines))
         screen.key("r")
         screen.wait("repaired jaw", lambda lines: "GOOD" in line_of(lines, "left") and line_of(lines, "fault: none"))
         top.wait("repaired jaw", lambda lines: "good" in line_of(lines, "left"))
@@ -155,18 +155,18 @@ class Demo(unittest.TestCase):
         screen.key("r")
         screen.wait("repaired jaw", lambda lines: "GOOD" in line_of(lines, "left"))
         screen.key("j")
-        dead = screen.wait("pick without a weight", lambda lines: any("given up" in line and line.startswith("pick") for line in lines), 40)
+        dead = screen.wait("pick without a weight", lambda lines: any("given up" in line and line.startswith("pick") for line in lines))
         self.assertNotIn("wrong, 0 given up", "\n".join(dead))
         self.assertRegex("\n".join(dead), r"pick \d+ given up: no [a-z ]+: grip [a-z]+, weight [a-z]+")
         self.assertIn(" 0 wrong", "\n".join(dead))
         screen.key("q")
-        self.assertEqual(screen.process.wait(20), 0)
+        self.assertEqual(screen.process.wait(timeout=60), 0)
         screen.read(1)
         self.assertRegex(screen.text, r"\d+ objects were sorted into the right bin, 0 into a wrong one")
         self.assertFalse((self.folder / "build/demo/left").is_symlink())
         top.wait("ended daemon", lambda lines: "left" not in "\n".join(lines) or "dead" in "\n".join(lines))
         top.key("q")
-        top.process.wait(5)
+        top.process.wait(timeout=60)
 
     def test_a_second_demo_leaves_the_first_alone(self):
         screen = self.start()

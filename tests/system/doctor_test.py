@@ -118,7 +118,7 @@ class Doctor(unittest.TestCase):
 
     def doctor(self, root, *words, pid="77"):
         done = subprocess.run([BIN / "tactilectl", "doctor", "--config", self.config, "--root", root, "--user", "tactiled", "--json", *words,
-                               *(["--pid", pid] if pid else [])], capture_output=True, text=True, timeout=10)
+                               *(["--pid", pid] if pid else [])], capture_output=True, text=True, timeout=60)
         self.assertEqual(done.stderr, "")
         return done.returncode, json.loads(done.stdout)
 
@@ -158,7 +158,7 @@ class Doctor(unittest.TestCase):
             daemon.play("--in", ROOT / "config/demo/table_demo.csv", "--pty", daemon.folder / "table", "--format", "cobs", "--bits", "32",
                         "--counts-per-unit", "1e9", "--loop")
             daemon.start()
-            done = subprocess.run([BIN / "tactilectl", "doctor", "--config", daemon.config], capture_output=True, text=True, timeout=10)
+            done = subprocess.run([BIN / "tactilectl", "doctor", "--config", daemon.config], capture_output=True, text=True, timeout=60)
             self.assertRegex(done.stdout, r"loop +the daemon's loop")
             self.assertRegex(done.stdout, r"good +system_calls +the daemon's system calls are filtered")
             self.assertNotIn("port ", done.stdout)

@@ -7,6 +7,7 @@ import os
 import pathlib
 import select
 import socket
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -18,7 +19,7 @@ import unittest
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests/system"), str(ROOT / "node/python")]
 import tactiled  # noqa: E402
-from daemon import BIN, Daemon, wait_for  # noqa: E402
+from daemon import BIN, PATIENCE_S, Daemon, Stopwatch, wait_for  # noqa: E402
 from freshness_test import CALIBRATION  # noqa: E402
 
 PERIOD_S = 0.01
@@ -127,20 +128,25 @@ class Echo(unittest.TestCase):
         cls.devices = {name: Device(*of) for name, of in ANSWERS.items()}
         cls.devices.update((name, Device(answer)) for name, (answer, _) in OTHERS.items())
         config = "".join(LINK.format(name=name, driver=device.keys) for name, device in cls.devices.items())
-        cls.looks, cls.good = 0, dict.fromkeys(cls.devices, 0)
+        # A look counts if the newest frame is fresh: a busy machine delays devices.
+        cls.fresh, cls.good = dict.fromkeys(cls.devices, 0), dict.fromkeys(cls.devices, 0)
         try:
             with Daemon(config) as daemon:
                 (daemon.folder / "unit.toml").write_text(CALIBRATION)
+                began_s = time.monotonic()
                 daemon.start()
                 with tactiled.open(daemon.name) as node:
-                    wait_for(lambda: all(node.latest(name).quality == tactiled.GOOD for name in ANSWERS), 10, "GOOD samples")
-                    wait_for(lambda: all(node.latest(name).quality == tactiled.UNCERTAIN for name in OTHERS), 10, "frames")
+                    wait_for(lambda: all(node.latest(name).quality == tactiled.GOOD for name in ANSWERS), "GOOD samples")
+                    wait_for(lambda: all(node.latest(name).quality == tactiled.UNCERTAIN for name in OTHERS), "frames")
                     until = time.monotonic() + UNPROVED_S
                     while time.monotonic() < until:
-                        cls.looks += 1
                         for name in cls.devices:
-                            cls.good[name] += node.latest(name).quality == tactiled.GOOD
+                            sample = node.latest(name)
+                            cls.fresh[name] += sample.age_ms < 50
+                            cls.good[name] += sample.age_ms < 50 and sample.quality == tactiled.GOOD
                         time.sleep(0.01)
+                    wait_for(lambda: all(node.latest(name).quality == tactiled.GOOD for name in ANSWERS), "GOOD samples")
+                    cls.asked_s = time.monotonic() - began_s
                     cls.samples = {name: node.latest(name) for name in cls.devices}
                 status = json.loads(daemon.ctl("status", "--json").stdout)
                 cls.links = {link["name"]: link for link in status["links"]}
@@ -155,8 +161,8 @@ class Echo(unittest.TestCase):
     def test_a_device_that_answers_stays_good_by_its_answers_alone(self):
         for name in ANSWERS:
             with self.subTest(name):
-                self.assertEqual(self.samples[name].quality, tactiled.GOOD, self.samples[name].reasons_text)
-                self.assertGreater(self.good[name], 0.9 * self.looks)
+                self.assertGreater(self.good[name], 100)
+                self.assertGreater(self.good[name], 0.9 * self.fresh[name])
                 self.assertEqual(self.sensors[name]["freshness"], "clock")
 
     def test_it_is_asked_several_times_a_second_with_another_number_each_time(self):
@@ -166,7 +172,7 @@ class Echo(unittest.TestCase):
                 for request in requests:
                     self.assertRegex(request, r"^\?[1-9]\d{0,9}$")
                 self.assertEqual(len(set(requests)), len(requests))
-                self.assertTrue(3 * UNPROVED_S <= len(requests) <= 40 * (UNPROVED_S + 5), len(requests))
+                self.assertTrue(3 * UNPROVED_S <= len(requests) <= 40 * (self.asked_s + 1), len(requests))
 
     def test_answers_are_neither_frames_nor_errors(self):
         for name in (*ANSWERS, *(name for name, (_, counter) in OTHERS.items() if not counter)):
@@ -199,7 +205,7 @@ class SimulatedDevices(unittest.TestCase):
         device = subprocess.Popen(words, stderr=subprocess.DEVNULL, env={**os.environ, "ARDUINO": str(self.path)})
         self.addCleanup(device.wait, 10)
         self.addCleanup(device.terminate)
-        wait_for(self.path.is_symlink, 10, "the port")
+        wait_for(self.path.is_symlink, "the port")
         self.port = os.open(self.path, os.O_RDWR | os.O_NOCTTY)
         self.addCleanup(os.close, self.port)
         tty.setraw(self.port)
@@ -207,12 +213,12 @@ class SimulatedDevices(unittest.TestCase):
         self.lines_for(0.5)
 
     def lines_for(self, seconds):
-        """Returns the whole lines that come within this time, as (time of arrival, text)."""
+        """Returns the whole lines that come within this time."""
         lines, until = [], time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0:
             if select.select([self.port], [], [], left)[0]:
                 *whole, self.received = (self.received + os.read(self.port, 4096)).split(b"\n")
-                lines += [(time.monotonic(), text.decode(errors="replace").rstrip("\r")) for text in whole]
+                lines += [text.decode(errors="replace").rstrip("\r") for text in whole]
         return lines
 
     def check_answers(self, period_s):
@@ -220,19 +226,24 @@ class SimulatedDevices(unittest.TestCase):
             request = f"?{number}\n".encode()
             os.write(self.port, request[:2])
             time.sleep(0.05)  # a request may come in pieces
-            os.write(self.port, request[2:] + b"?x\n#\n")
-            asked = time.monotonic()
-            lines = self.lines_for(1)
-            answers = [(t, text) for t, text in lines if text.startswith("!")]
+            with Stopwatch() as watch:
+                os.write(self.port, request[2:] + b"?x\n#\n")
+                lines = []
+                while not any(text.startswith("!") for text in lines) and watch.seconds() < PATIENCE_S:
+                    lines += self.lines_for(0.01)
+                self.assertLess(watch.seconds(), 0.11)
+            lines += self.lines_for(1)
+            answers = [text for text in lines if text.startswith("!")]
             self.assertEqual(len(answers), 1, lines)
-            self.assertLess(answers[0][0] - asked, 0.1)
-            body, crc = answers[0][1].split("*")
+            body, crc = answers[0].split("*")
             self.assertEqual(int(crc, 16), binascii.crc_hqx(body.encode(), 0xFFFF))
             self.assertRegex(body, rf"^!{number},\d+$")
-            times = [int(text.split("*")[0].split(",")[1]) for _, text in lines]
+            times = [int(text.split("*")[0].split(",")[1]) for text in lines]
             self.assertEqual(times, sorted(times), "the answer has the time of the same clock")
-            measured = [us for us, (_, text) in zip(times, lines) if not text.startswith("!")]
-            self.assertAlmostEqual((measured[-1] - measured[0]) / 1e6 / (len(measured) - 1), period_s, delta=0.1 * period_s)
+            measured = [us for us, text in zip(times, lines) if not text.startswith("!")]
+            half = len(measured) // 2  # over many frames, because a device that a busy machine delayed makes up for it
+            periods_s = [(b - a) / 1e6 / half for a, b in zip(measured, measured[half:])]
+            self.assertAlmostEqual(statistics.median(periods_s), period_s, delta=0.1 * period_s)
 
     def test_play(self):
         table = self.folder / "table.csv"
@@ -252,7 +263,7 @@ class SimulatedDevices(unittest.TestCase):
         table.write_text("t_s,a\n" + "".join(f"{0.2 * i},{i % 7}\n" for i in range(100)))
         self.run_device(BIN / "tactilectl", "play", "--in", table, "--pty", self.path, "--format", "cobs")
         os.write(self.port, b"?1\n")
-        self.assertNotIn("!", "".join(text for _, text in self.lines_for(0.5)))
+        self.assertNotIn("!", "".join(self.lines_for(0.5)))
 
     def test_the_emulated_arduino(self):
         self.run_device("/usr/bin/python3", ROOT / "node/demo/arduino.py")

@@ -145,7 +145,7 @@ class EndToEnd(unittest.TestCase):
     def mbpoll(port):
         before = time.monotonic_ns()
         done = subprocess.run(["mbpoll", "-m", "tcp", "-p", str(port), "-t", "3:hex", "-0", "-r", str(SEGMENT_FZ_REGISTER), "-c", "1", "-1",
-                               "127.0.0.1"], capture_output=True, text=True, timeout=10)
+                               "127.0.0.1"], capture_output=True, text=True, timeout=60)
         value = [line.split()[1] for line in done.stdout.splitlines() if line.startswith(f"[{SEGMENT_FZ_REGISTER}]")]
         assert done.returncode == 0 and len(value) == 1, done.stdout + done.stderr
         return before, time.monotonic_ns(), int(value[0], 16)

@@ -158,7 +158,7 @@ class Fleet(unittest.TestCase):
 
     def test_every_gripper_is_seen_by_each_client_and_nothing_is_lost(self):
         began = time.monotonic()
-        wait_for(lambda: self.seen() == (FLEET, FLEET), 60 + 2 * FLEET, f"all grippers: {self.seen()}")
+        wait_for(lambda: self.seen() == (FLEET, FLEET), f"all grippers: {self.seen()}", 60 + 2 * FLEET)
         print(f"\n{FLEET} grippers are seen by all clients after {time.monotonic() - began:.1f} s")
         time.sleep(2)
         at = (len(self.mqtt.lines), len(self.dds.lines), self.cpu(), time.monotonic())
@@ -203,9 +203,8 @@ class Fleet(unittest.TestCase):
         begin, before = len(self.dds.lines), self.dropped()
         self.broker.kill()
         time.sleep(SECONDS)
-        during = self.dds_since(begin)
-        for name, found in during.items():  # the daemons' samples go on
-            self.assertAlmostEqual(len(found) / SECONDS, RATE_Hz, delta=10, msg=name)
+        now_s = time.time()  # the daemons' samples go on
+        wait_for(lambda: all(found and found[-1][1] > now_s for found in self.dds_since(begin).values()), "later samples of each")
         self.assertEqual({p.process.poll() for parts in self.parts.values() for p in parts}, {None})
         self.start(BROKER, "-c", self.folder / "mosquitto.conf", ready="running")
         back = time.monotonic()
@@ -215,7 +214,7 @@ class Fleet(unittest.TestCase):
             now = self.dropped()
             return [now[name] - before[name] for name in self.names]
 
-        wait_for(lambda: min(news()) >= expected, 60, f"the counts of what was dropped: {news()}")
+        wait_for(lambda: min(news()) >= expected, f"the counts of what was dropped: {news()}", 60)
         print(f"broker away for {SECONDS:.0f} s: every bridge is back after {time.monotonic() - back:.1f} s and reports "
               f"{min(news())} to {max(news())} dropped messages")
 

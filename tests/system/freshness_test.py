@@ -20,10 +20,11 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests/system"), str(ROOT / "node/python")]
 import tactiled  # noqa: E402
 from pymodbus.client import ModbusTcpClient  # noqa: E402
-from daemon import Daemon, wait_for  # noqa: E402
+from daemon import PATIENCE_S, Daemon, Stopwatch, wait_for  # noqa: E402
 
 STALE_MS, PERIOD_S = 100, 0.01
 ORDINARY_MS = 60  # allowed delay of a busy machine, beyond stale_ms
+UNSEEN_MS = STALE_MS  # without a clock, delays below stale_ms are not seen (drivers/wire/freshness.md)
 CALIBRATION = """format = 1
 model = "generic"
 method = "matrix"
@@ -72,8 +73,13 @@ class Bridge(threading.Thread):
         self.write, self.has_sequence, self.has_clock = write, sequence, clock
         self.began = time.monotonic()
         self.lag_s, self.paused, self.ends = 0.0, False, False
-        self.held_until = 0.0
+        self.held_until, self.sent = 0.0, 0
+        self.late_ms = {}  # time of a measurement in ms, as it was sent: the time by which this machine delayed its line here
         self.start()
+
+    def end(self):
+        self.ends = True
+        self.join()
 
     def ms(self):
         return (time.monotonic() - self.began) * 1000
@@ -86,12 +92,16 @@ class Bridge(threading.Thread):
             now = time.monotonic()
             if not self.paused:
                 cells = [str(n)] * self.has_sequence + [str(int(now * 1e6) & 0xFFFFFFFF)] * self.has_clock
-                body = ",".join([*cells, "%.3f" % ((now - self.began) * 1000)]).encode()
-                way.append((max(now + self.lag_s, way[-1][0] if way else 0), body + b"*%04X\n" % crc16(body)))
+                measured = "%.3f" % ((now - self.began) * 1000)
+                body = ",".join([*cells, measured]).encode()
+                way.append((max(now + self.lag_s, way[-1][0] if way else 0), float(measured), body + b"*%04X\n" % crc16(body)))
                 n += 1
             while way and way[0][0] <= now and now >= self.held_until:
+                due_s, measured_ms, line = way.pop(0)
                 with contextlib.suppress(OSError):
-                    self.write(way.pop(0)[1])
+                    self.write(line)
+                self.late_ms[measured_ms] = (time.monotonic() - max(due_s, self.held_until)) * 1000
+                self.sent += 1
 
     def hold(self, seconds):
         self.held_until = time.monotonic() + seconds
@@ -128,22 +138,25 @@ class Rig:
         self.stack.enter_context(self.daemon)
         self.daemon.start()
         self.node = self.stack.enter_context(tactiled.open(self.daemon.name))
-        wait_for(lambda: self.node.latest("s").quality == tactiled.GOOD, 10, "a GOOD sample")
+        wait_for(lambda: self.node.latest("s").quality == tactiled.GOOD, "a GOOD sample")
         self.watch(1.5)
         return self
 
     def __exit__(self, *what):
-        self.bridge.ends = True
-        self.bridge.join()
+        self.bridge.end()
         self.stack.close()
 
     def watch(self, seconds, until=None):
-        """Polls each ms. Returns (largest true age of a GOOD value in ms, [(time, quality, reasons)] at changes)."""
+        """Polls each ms. Returns (largest true age of a GOOD value in ms, [(time, quality, reasons)] at changes).
+
+        The age is that before the read, and without the delay of the bridge by this machine: neither is one of the daemon."""
         oldest, seen, end = 0.0, [], time.monotonic() + seconds
         while time.monotonic() < end and not (until and until()):
+            before_ms = self.bridge.ms()
             sample = self.node.latest("s")
             if sample.quality == tactiled.GOOD:
-                oldest = max(oldest, self.bridge.ms() - sample.raw_force_S_N[2] * 1000)
+                measured_ms = round(sample.raw_force_S_N[2] * 1000, 3)
+                oldest = max(oldest, before_ms - measured_ms - self.bridge.late_ms.get(measured_ms, 0))
             if not seen or seen[-1][1:] != (sample.quality, sample.reasons):
                 seen.append((time.monotonic(), sample.quality, sample.reasons))
             time.sleep(0.001)
@@ -154,24 +167,27 @@ class Rig:
 
 
 class Freshness(unittest.TestCase):
-    def assert_young(self, oldest):
-        self.assertLess(oldest, STALE_MS + ORDINARY_MS)
+    def assert_young(self, rig, oldest):
+        self.assertLess(oldest, STALE_MS + ORDINARY_MS + UNSEEN_MS * (not rig.bridge.has_clock))
+
+    def wait_for_state(self, rig, *state):
+        """On a busy machine a frame may be late at any moment, and its value BAD."""
+        wait_for(lambda: (lambda sample: (sample.quality, sample.reasons))(rig.latest()) == state, f"{state} instead of {rig.latest()}")
 
     def test_a_backlog_and_a_bridge_that_never_drains_are_not_good_where_the_device_sends_its_time(self):
         with Rig() as rig:
             rig.bridge.hold(2)
             oldest, _ = rig.watch(3)
-            self.assert_young(oldest)
-            self.assertEqual(rig.latest().quality, tactiled.GOOD)
+            self.assert_young(rig, oldest)
+            self.wait_for_state(rig, tactiled.GOOD, 0)
             rig.bridge.lag_s = 2
-            oldest, seen = rig.watch(5)
-            self.assert_young(oldest)
-            self.assertEqual(seen[-1][1:], (tactiled.BAD, tactiled.STALE))
+            self.assert_young(rig, rig.watch(5)[0])
+            self.wait_for_state(rig, tactiled.BAD, tactiled.STALE)
             refused = rig.daemon.ctl("tare", "s")
             self.assertNotEqual(refused.returncode, 0)
             rig.bridge.lag_s = 0
-            self.assert_young(rig.watch(3)[0])
-            self.assertEqual(rig.latest().quality, tactiled.GOOD)
+            self.assert_young(rig, rig.watch(3)[0])
+            self.wait_for_state(rig, tactiled.GOOD, 0)
             rig.bridge.paused = True
             time.sleep(1)
             rig.bridge.paused = False
@@ -183,61 +199,76 @@ class Freshness(unittest.TestCase):
 
     def test_the_bound_of_the_age_is_the_same_for_all_readers(self):
         with Rig() as rig:
-            self.assertLess(rig.node.info("s").age_bound_us, STALE_MS * 1000)
-            rig.bridge.paused = True
-            wait_for(lambda: rig.latest().quality == tactiled.BAD, 5, "the end of the frames")
-            time.sleep(0.3)
-            began = time.monotonic()
-            bounds_ms = [rig.node.info("s").age_bound_us / 1000]  # it grows with the age of the last frame
-            bounds_ms.append(json.loads(rig.daemon.ctl("status", "--json").stdout)["sensors"][0]["age_bound_ms"])
-            bounds_ms.append(float(re.search(r"age of s: proved by clock, at most ([\d.]+) ms\n", rig.daemon.ctl("status").stdout)[1]) + 0.05)
-            with ModbusTcpClient("127.0.0.1", port=rig.daemon.port) as client:
-                bound, none = client.read_input_registers(9100, count=2).registers
-            self.assertEqual(none, 0xFFFF)
-            bounds_ms.append(bound)
-            self.assertGreater(bounds_ms[0], STALE_MS)
-            self.assertEqual(bounds_ms, sorted(bounds_ms))
-            self.assertLess(bounds_ms[-1] - bounds_ms[0], (time.monotonic() - began) * 1000 + 50)
+            def bound_ms():
+                return rig.node.info("s").age_bound_us / 1000
+
+            def of_json():
+                return json.loads(rig.daemon.ctl("status", "--json").stdout)["sensors"][0]["age_bound_ms"]
+
+            def of_text():
+                return float(re.search(r"age of s: proved by clock, at most ([\d.]+) ms\n", rig.daemon.ctl("status").stdout)[1])
+
+            def of_register():
+                with ModbusTcpClient("127.0.0.1", port=rig.daemon.port) as client:
+                    bound, none = client.read_input_registers(9100, count=2).registers
+                self.assertEqual(none, 0xFFFF)
+                return bound
+
+            wait_for(lambda: bound_ms() < STALE_MS, "a bound below stale_ms while frames come")
+            rig.bridge.end()
+            # From the last frame on the bound only grows: what a reader shows lies between the bounds before and after it.
+            wait_for(lambda: rig.latest().device_sequence == rig.bridge.sent - 1, "the last frame")
+            wait_for(lambda: bound_ms() > STALE_MS, "a bound above stale_ms")
+            for of_reader, rounded_ms in ((of_json, 0.001), (of_text, 0.05), (of_register, 1)):
+                before_ms, seen_ms, after_ms = bound_ms(), of_reader(), bound_ms()
+                self.assertLessEqual(before_ms - rounded_ms, seen_ms, of_reader)
+                self.assertLessEqual(seen_ms, after_ms + rounded_ms, of_reader)
+            self.assertEqual(rig.latest().quality, tactiled.BAD)
 
     def test_the_same_with_a_counter_is_uncertain_and_is_not_tared(self):
         with Rig(clock=False) as rig:
             rig.watch(2.5)  # until the rate of the counter is known
             rig.bridge.hold(2)
             # A rate that is known for seconds only may hide a part of the lag for twice the time that it lasted.
-            self.assert_young(rig.watch(2 + 2 * 2 + 1)[0])
-            self.assertEqual(rig.latest().quality, tactiled.GOOD, "the missing time was caught up")
+            oldest, seen = rig.watch(2 + 2 * 2 + 1)
+            self.assert_young(rig, oldest)
+            states = [state[1:] for state in seen]
+            # Without a proof the bound grows on: it exceeds stale_ms some seconds later.
+            self.assertIn((tactiled.GOOD, 0), states[states.index((tactiled.BAD, tactiled.STALE)):], "the missing time was caught up")
             rig.bridge.lag_s = 2
-            oldest, seen = rig.watch(5)
-            self.assert_young(oldest)
-            self.assertEqual(seen[-1][1:], (tactiled.UNCERTAIN, tactiled.UNPROVED_AGE))
+            self.assert_young(rig, rig.watch(5)[0])
+            self.wait_for_state(rig, tactiled.UNCERTAIN, tactiled.UNPROVED_AGE)
             self.assertNotEqual(rig.daemon.ctl("tare", "s").returncode, 0)
 
     def test_over_tcp_a_pause_costs_the_samples_until_the_connection_was_opened_again(self):
         with Rig(clock=False, tcp=True) as rig:
             before = rig.accepted  # the first opening, and others until the interval is known
+            samples = self.enterContext(rig.node.follow("s", 0))
+            next(samples)
             rig.bridge.paused = True
             time.sleep(1)
             rig.bridge.paused = False
-            began = time.monotonic()
-            _, seen = rig.watch(5, lambda: rig.accepted > before and rig.latest().quality == tactiled.GOOD)
-            print(f"GOOD again {time.monotonic() - began:.3f} s after the pause")
-            self.assertIn((tactiled.UNCERTAIN, tactiled.UNPROVED_AGE), [s[1:] for s in seen])
-            self.assertEqual(rig.latest().quality, tactiled.GOOD)
-            self.assertLess(time.monotonic() - began, 1.5)
+            began_s = time.monotonic()
+            with Stopwatch() as watch:
+                rig.watch(PATIENCE_S, lambda: rig.accepted > before and rig.latest().quality == tactiled.GOOD)
+                took_s = watch.seconds()
+            print(f"GOOD again {took_s:.3f} s after the pause")
+            self.assertTrue(any(sample.reasons & tactiled.UNPROVED_AGE for sample in samples))
+            self.assertLess(took_s, 1.5)
             rig.watch(3)
-            self.assertLess(rig.accepted, before + 4, "at most one a second")
+            self.assertLess(rig.accepted - before, time.monotonic() - began_s + 1, "at most one a second")
 
     def test_a_stream_without_either_is_tared_only_where_that_is_accepted(self):
         for accept in (False, True):
             with self.subTest(accept=accept), Rig(False, False, sensor=f"accept_unproved_age = {str(accept).lower()}\ntare_ms = 200") as rig:
-                self.assertEqual(rig.latest().reasons, 0 if accept else tactiled.ARRIVAL_ONLY)
+                self.wait_for_state(rig, tactiled.GOOD, 0 if accept else tactiled.ARRIVAL_ONLY)
                 # The value is the time: its means over quarters of the window differ by 0.15 N, three times what a tare lets pass.
                 done = rig.daemon.ctl("tare", "s")
-                self.assertEqual("moved" in done.stdout + done.stderr, accept, done)
+                self.assertNotEqual(done.returncode, 0)
+                self.assertEqual("no clock and no counter would show a delay" in done.stderr, not accept, done)
                 rig.bridge.hold(1)
-                oldest, seen = rig.watch(2)
-                self.assert_young(oldest)
-                self.assertEqual(seen[-1][1], tactiled.GOOD, "the missing lines have come")
+                self.assert_young(rig, rig.watch(2)[0])
+                self.wait_for_state(rig, tactiled.GOOD, 0 if accept else tactiled.ARRIVAL_ONLY)  # the missing lines have come
 
     def test_a_device_on_a_cable_may_pause_and_is_not_opened_again(self):
         for sequence in (True, False):
@@ -245,8 +276,7 @@ class Freshness(unittest.TestCase):
                 rig.bridge.paused = True
                 time.sleep(1)
                 rig.bridge.paused = False
-                _, seen = rig.watch(1)
-                self.assertEqual(seen[-1][1:], (tactiled.GOOD, 0))
+                self.wait_for_state(rig, tactiled.GOOD, 0)
                 status = json.loads(rig.daemon.ctl("status", "--json").stdout)
                 self.assertEqual((status["sensors"][0]["freshness"], status["links"][0]["opened"]), ("cable", 1))
 
@@ -259,7 +289,7 @@ class Freshness(unittest.TestCase):
                     rig.bridge.paused = True  # the device dies
                     time.sleep(0.88)
                     rig.daemon.process.send_signal(signal.SIGCONT)
-                    self.assert_young(rig.watch(0.5)[0])
+                    self.assert_young(rig, rig.watch(0.5)[0])
 
     def test_check_states_how_the_age_is_proved_and_warns_of_weak_checksums(self):
         with Rig(clock=False) as rig:

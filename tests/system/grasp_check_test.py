@@ -150,7 +150,7 @@ class GraspCheck(unittest.TestCase):
         self.names, self.configured = ["jaw0", "jaw1"], self.right(2)
         daemon, _ = begin(self, self.config(self.configured), {name: 3 for name in self.names})
         done = subprocess.run([BIN / "tactilectl", "grasp-check", "0.1", "--node", daemon.name], stdin=subprocess.DEVNULL, capture_output=True,
-                              text=True, env=daemon.reader_env, timeout=20)
+                              text=True, env=daemon.reader_env, timeout=60)
         self.assertEqual(done.returncode, 1, done)
 
 

@@ -55,6 +55,12 @@ def config_of(path, calibration):
     return text + grasp, scene["body"]["mass_kg"], end_s
 
 
+def grasp_of(node, sequence):
+    """Returns the grasp of a node record; None: it is overwritten."""
+    record = node._segment.node.read(sequence)
+    return None if record is None else tactiled.Grasp._make(tactiled._GRASP.texts(tactiled._NODE.values(record)[-2], 0))
+
+
 def watch(path, calibration):
     """Returns the values of shared memory and Modbus over a whole scene: grasps, the mass, the number of frames in
     both, and differences."""
@@ -69,9 +75,9 @@ def watch(path, calibration):
             while time.monotonic() < until:
                 r = client.read_input_registers(0, count=32, slave=1).registers
                 record, _ = node.snapshot()
-                g = record.grasp
-                seen.append(g)
-                if record.sequence & 0xFFFF == r[4]:  # the same frame
+                seen.append(record.grasp)
+                g = grasp_of(node, record.sequence - (record.sequence - r[4] & 0xFFFF))  # the same frame
+                if g is not None:
                     same += 1
                     weight = struct.unpack(">i", struct.pack(">HH", *r[20:22]))[0]
                     expected = NONE_I32 if math.isnan(g.weight_kg) else round(g.weight_kg * 1e4)

@@ -23,7 +23,7 @@ def calibration(channels, full_scale=100.0, sd=0.005):
 def link_and_sensor(name, channels, more=""):
     return (f'[[link]]\nname = "usb-{name}"\ndriver = "uart"\ndevice = "{{folder}}/{name}.dev"\nformat = "lines"\nchannels = {channels}\n'
             f'sequence = true\ntime_us = true\npath = "direct"\n\n[[sensor]]\nname = "{name}"\nlink = "usb-{name}"\nmodel = "generic"\n'
-            f'calibration = "{{folder}}/{name}.toml"\nstale_ms = 300\n{more}\n')
+            f'calibration = "{{folder}}/{name}.toml"\nstale_ms = 2000\n{more}\n')
 
 
 class Device(PtyDevice):
@@ -78,4 +78,4 @@ def guide(daemon, words, steps):
         process.stdin.flush()
     process.stdin.close()
     process.stdout.close()
-    return process.wait(timeout=10), printed
+    return process.wait(timeout=60), printed

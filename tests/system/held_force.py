@@ -58,6 +58,11 @@ class Device(threading.Thread):
                 pass  # there is no daemon
 
 
+def is_confirmed(sample):
+    """Returns whether it has a value that the next one has confirmed, if it was a jump or the first of a stream."""
+    return sample["force_S_N"][2] is not None and "stepped" not in sample["quality"]
+
+
 class Held:
     """The daemon, its device and the view of a reader. A context manager."""
 
@@ -94,33 +99,33 @@ class Held:
     def start(self):
         before = self.starts()
         self.daemon.start()
-        wait_for(lambda: self.starts() > before, 10, "the start")  # a daemon that was killed leaves its segment
+        wait_for(lambda: self.starts() > before, "the start")  # a daemon that was killed leaves its segment
         self.settle()
 
     def restart(self, number=signal.SIGTERM, then_N=None):
         """then_N: the force from the end on."""
         self.daemon.process.send_signal(number)
-        self.daemon.process.wait(timeout=10)
+        self.daemon.process.wait(timeout=60)
         if then_N is not None:
             self.device.force_N = [0.0, 0.0, then_N]
         self.start()
 
     def press(self, force_N):
         self.device.force_N = [0.0, 0.0, force_N]
-        wait_for(lambda: abs((self.sample()["raw_force_S_N"][2] or 0) - force_N) < 0.1, 5, f"{force_N} N")
+        wait_for(lambda: abs((self.sample()["raw_force_S_N"][2] or 0) - force_N) < 0.1, f"{force_N} N")
 
     def sample(self):
         return json.loads(self.daemon.ctl("status", "--json").stdout)["sensors"][0]
 
     def settle(self):
-        wait_for(lambda: self.sample()["quality"].split(":")[0] in ("good", "uncertain"), 10, "a value")
+        wait_for(lambda: is_confirmed(self.sample()), "a value")
 
     def read_force(self):
-        """Returns (quality word, fz in N) of the newest sample with a value, because a busy machine interrupts the
+        """Returns (quality word, fz in N) of the newest sample with a confirmed value, because a busy machine interrupts the
         device or the daemon."""
         for _ in range(100):
             now = self.sample()
-            if now["force_S_N"][2] is not None:
+            if is_confirmed(now):
                 return now["quality"], now["force_S_N"][2]
         raise TimeoutError("no value")
 
@@ -186,5 +191,5 @@ class Plc:
         exception = self.write(5000, code, mask, 0, 0, number)
         if exception:
             return exception
-        wait_for(lambda: self.outcome()[1] != 1, 10, "the command")
+        wait_for(lambda: self.outcome()[1] != 1, "the command")
         return self.outcome()

@@ -146,27 +146,29 @@ class Hostile:
 
 def ordinary(web, seconds):
     """An open page and a client with a new connection for each request: durations of its requests, and the longest silence of the page, in
-    s."""
+    s by a Stopwatch."""
+    from daemon import Stopwatch
     from web_server import Stream
-    stream = Stream(web, timeout=30)
+    stream = Stream(web)
     stream.until(lambda name, _: name == "frame")
     ended, silence = threading.Event(), [0.0]
 
     def page():
-        last = time.monotonic()
+        last = watch.seconds()
         while not ended.is_set():
-            stream.until(lambda name, _: name == "frame", 30)
-            silence[0], last = max(silence[0], time.monotonic() - last), time.monotonic()
-    thread = threading.Thread(target=page)
-    thread.start()
-    took, until = [], time.monotonic() + seconds
-    while time.monotonic() < until:
-        asked = time.monotonic()
-        web.status()
-        took.append(time.monotonic() - asked)
-        time.sleep(0.01)
-    ended.set()
-    thread.join()
+            stream.until(lambda name, _: name == "frame")
+            silence[0], last = max(silence[0], watch.seconds() - last), watch.seconds()
+    with Stopwatch() as watch:
+        thread = threading.Thread(target=page)
+        thread.start()
+        took, until = [], time.monotonic() + seconds
+        while time.monotonic() < until:
+            asked = watch.seconds()
+            web.status()
+            took.append(watch.seconds() - asked)
+            time.sleep(0.01)
+        ended.set()
+        thread.join()
     stream.close()
     return took, silence[0]
 

@@ -117,7 +117,7 @@ class Signals(unittest.TestCase):
                     time.sleep(0.01)
                 self.assertEqual(os.readlink(f"/proc/{player.pid}/exe"), str(BIN / "tactilectl-lab"))
                 player.send_signal(number)
-                self.assertEqual(player.wait(10), 0)
+                self.assertEqual(player.wait(timeout=60), 0)
                 self.assertFalse(pty.is_symlink())
 
 

@@ -79,7 +79,7 @@ class StructuredText(unittest.TestCase):
         self.client = ModbusTcpClient("127.0.0.1", port=self.daemon.port)
         self.client.connect()
         self.addCleanup(self.client.close)
-        wait_for(lambda: self.read(100, 2)[1] & 0x1001 != 0, 10, "a value")
+        wait_for(lambda: self.read(100, 2)[1] & 0x1001 != 0, "a value")
 
     def read(self, at, count):
         return self.client.read_input_registers(at, count=count).registers
@@ -209,7 +209,7 @@ class StructuredText(unittest.TestCase):
         config = UNIT.replace("stale_ms", "register_N = 0.0001\nstale_ms")
         with unit_daemon(rows="0,0.01,0.02,-0.34\n0.01,0.01,0.02,-0.34\n", config=config) as small:
             small.start()
-            wait_for(quality_is(small, "good"), 5, "a good sample")
+            wait_for(quality_is(small, "good"), "a good sample")
             client = ModbusTcpClient("127.0.0.1", port=small.port)
             self.addCleanup(client.close)
             client.connect()

@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """Sensors that are Modbus slaves: pymodbus over TCP and over a serial line, and slaves that misbehave."""
+import cmath
 import json
+import math
 import pathlib
 import subprocess
 import sys
@@ -11,7 +13,7 @@ import unittest
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 sys.path.insert(0, str(pathlib.Path(__file__).parents[2] / "node/python"))
 import tactiled  # noqa: E402
-from daemon import ROOT, Daemon, free_port, wait_for  # noqa: E402
+from daemon import ROOT, Daemon, Stopwatch, free_port, wait_for  # noqa: E402
 from modbus_slaves import Hostile, Pty, Server, pymodbus_slave  # noqa: E402
 from unit_daemon import CALIBRATION  # noqa: E402
 
@@ -87,10 +89,10 @@ class RealSlaves(unittest.TestCase):
                            f'registers_file = "{ROOT}/config/devices/robotiq_ft300.toml"\n',
                            SENSOR + 'channels = ["c1", "c2", "c3", "-", "-", "-"]\n') as d:
             d.others.append(subprocess.Popen(["socat", f"pty,raw,echo=0,link={d.folder}/here", f"pty,raw,echo=0,link={d.folder}/there"]))
-            wait_for((d.folder / "there").exists, 5, "socat")
+            wait_for((d.folder / "there").exists, "socat")
             d.others.append(pymodbus_slave("rtu", d.folder / "there", 9, 180, FT300))
             d.start()
-            wait_for(is_good(d), 10, "a good sample")
+            wait_for(is_good(d), "a good sample")
             for got, sent in zip(sensor(d)["force_S_N"], FT300):
                 self.assertAlmostEqual(got, sent / 100, places=9)  # N
 
@@ -105,7 +107,7 @@ class RealSlaves(unittest.TestCase):
                            SENSOR + f"channels = [{twelve}, {unused}]\n" + right) as d:
             d.start()  # before its device: it waits for the device
             d.others.append(pymodbus_slave("tcp", port, 65, 257, values))
-            wait_for(is_good(d, 1), 10, "a good sample")
+            wait_for(is_good(d, 1), "a good sample")
             for index, sent in enumerate(([1, -2, 3], [-4, 5, 6])):
                 for got, value in zip(sensor(d, index)["force_S_N"], sent):
                     self.assertAlmostEqual(got, value, places=9)  # N
@@ -118,23 +120,32 @@ class RealSlaves(unittest.TestCase):
                            SENSOR + 'channels = ["c1", "c2", "c3", "-", "-", "-"]\n') as d:
             d.others.append(pymodbus_slave("tcp", port, 64, 257, values))
             d.start()
-            wait_for(lambda: counts(d)["bad_value"] > 20, 10, "answers")
+            wait_for(lambda: counts(d)["bad_value"] > 20, "answers")
             self.assertEqual(counts(d)["frames"], 0)
             self.assertTrue(sensor(d)["quality"].startswith("bad"))
 
     def test_polls_on_its_own_grid(self):
-        server = Server()
+        # A busy machine delays single requests and makes the daemon leave out others; the grid does not move by that. A period that
+        # began with each answer would spread the requests over all phases: a fifth of them would be within a tenth of a period.
+        period_s, server = 1 / 200, Server()
         slave = Hostile(server, {}, 1)
         slave.start()
-        with modbus_daemon(f'address = "127.0.0.1:{server.port}"\ntimeout_ms = 200\n\n[[link.slave]]\nrate_Hz = 200\n' + THREE) as d:
+        with modbus_daemon(f'address = "127.0.0.1:{server.port}"\ntimeout_ms = 5000\n\n[[link.slave]]\nrate_Hz = 200\n' + THREE) as d:
             d.start()
-            wait_for(is_good(d), 5, "a good sample")
-            before, began = counts(d)["frames"], time.monotonic()
-            time.sleep(5)
-            frames, seconds = counts(d)["frames"] - before, time.monotonic() - began
-            self.assertAlmostEqual(frames / seconds, 200, delta=6)  # Hz
+            wait_for(is_good(d), "a good sample")
+            first = len(slave.asked_s)
+            wait_for(lambda: len(slave.asked_s) > first + 1000, "1000 requests")
             self.assertEqual(counts(d)["bus_error"], 0)
         slave.close()
+        asked_s = slave.asked_s[first:]
+        mean = sum(cmath.exp(2j * math.pi * at_s / period_s) for at_s in asked_s)
+        phase_s = cmath.phase(mean) / (2 * math.pi) * period_s
+        on_grid = [at_s for at_s in asked_s if abs((at_s - phase_s) / period_s - round((at_s - phase_s) / period_s)) < 0.1]
+        periods = [round((b - a) / period_s) for a, b in zip(on_grid, on_grid[1:])]
+        print(f"{len(on_grid)} of {len(asked_s)} requests on the grid, {periods.count(1)} after one period", file=sys.stderr)
+        self.assertGreater(len(on_grid), len(asked_s) / 2)
+        self.assertGreater(periods.count(1), len(periods) / 2)
+        self.assertLessEqual(len(asked_s), (asked_s[-1] - asked_s[0]) / period_s + 2, "more often than once a period")
 
 
 class HostileSlaves(unittest.TestCase):
@@ -148,7 +159,7 @@ class HostileSlaves(unittest.TestCase):
                 witness = Witness(d)
                 time.sleep(seconds)
                 slave.misdeeds = {}
-                wait_for(is_good(d), 5, "a good sample after it came to reason")
+                wait_for(is_good(d), "a good sample after it came to reason")
                 witness.end()
                 for misdeed in misdeeds:
                     self.assertGreater(slave.done.get(misdeed, 0), 0, misdeed)
@@ -191,16 +202,16 @@ class HostileSlaves(unittest.TestCase):
         slave.start()
         with modbus_daemon(f'address = "127.0.0.1:{server.port}"\ntimeout_ms = 50\n\n[[link.slave]]\nrate_Hz = 100\n' + THREE) as d:
             d.start()
-            wait_for(is_good(d), 5, "a good sample")
-            slave.misdeeds = {"silence": 1}
-            began = time.monotonic()
-            wait_for(lambda: sensor(d)["quality"].startswith("bad"), 2, "the sensor to be bad")
-            self.assertLess(time.monotonic() - began, 0.5)
+            wait_for(is_good(d), "a good sample")
+            with Stopwatch() as watch, tactiled.open(d.name) as node:
+                slave.misdeeds = {"silence": 1}
+                wait_for(lambda: node.latest("left").quality == tactiled.BAD, "the sensor to be bad")
+                self.assertLess(watch.seconds(), 0.5)
             before = cpu_s(d)
             time.sleep(2)
             self.assertLess(cpu_s(d) - before, 0.6)
             slave.misdeeds = {}
-            wait_for(is_good(d), 3, "a good sample again")
+            wait_for(is_good(d), "a good sample again")
         slave.close()
 
 

@@ -127,6 +127,7 @@ class Hostile(threading.Thread):
         self.end, self.misdeeds, self.random, self.late_s = end, misdeeds, random.Random(seed), late_s
         self.rtu = isinstance(end, Pty)
         self.done = {}  # misdeed -> count
+        self.asked_s = []  # time of receipt of each request
         self.ended = False
         self.n = 0
 
@@ -141,6 +142,7 @@ class Hostile(threading.Thread):
                     waiting = b""
 
     def answer(self, request):
+        self.asked_s.append(time.monotonic())
         transaction, pdu = (b"", request[:6]) if self.rtu else (request[:2], request[6:])
         count = struct.unpack(">H", pdu[4:6])[0]
         what = self.choose()

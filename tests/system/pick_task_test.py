@@ -22,7 +22,7 @@ import unittest
 from pymodbus.client import ModbusTcpClient
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from daemon import BIN, Daemon  # noqa: E402
+from daemon import BIN, PATIENCE_S, Daemon  # noqa: E402
 from pick_bench import GRASP, Robot, calibrate_skin  # noqa: E402
 from simulated_sensors import SENSORS  # noqa: E402
 
@@ -74,7 +74,7 @@ class Plc:
                 "probability": more[OBJECT_PROB - 40] / 1000, "grasps": more[GRASPS - 40],
                 "why": doubts[WEIGHT_WHY], "jaws": doubts[WEIGHT_JAWS]}
 
-    def wait(self, what, condition, seconds=4):
+    def wait(self, what, condition, seconds=PATIENCE_S):
         until = time.monotonic() + seconds
         while True:
             seen = self.scan()
@@ -113,7 +113,7 @@ class PickTask(unittest.TestCase):
         """Closes, waits for grasped, lifts, waits for a stable weight, calls `do`, and releases. Returns the state
         while the weight was stable, and its delay after the lift."""
         self.robot.offer(mass_kg)
-        time.sleep(0.25)  # the arm moves to the next object: the skins are free
+        self.robot.live(0.25)  # the arm moves to the next object: the skins are free
         self.plc.write(GRIPPER_STATE, CLOSING)
         self.robot.close(GRIP_N)
         grasped = self.plc.wait("grasped", lambda seen: seen["status"] & GRASPED)
@@ -121,7 +121,7 @@ class PickTask(unittest.TestCase):
         self.robot.lift()
         lifted_s = time.monotonic()
         if self.robot.damaged:
-            time.sleep(1.5)  # the PLC's limit for a weight
+            self.robot.live(1.5)  # the PLC's limit for a weight
             stable = self.plc.scan()
         else:
             stable = self.plc.wait("a stable weight", lambda seen: seen["state"] == STABLE)
@@ -175,13 +175,13 @@ class PickTask(unittest.TestCase):
     def test_a_slip_between_two_scans_is_counted_and_stays_latched(self):
         before = self.plc.scan()
         self.robot.offer(KNOWN_kg[4])
-        time.sleep(0.25)
+        self.robot.live(0.25)
         self.robot.close(3.0)  # N: friction holds 0.8 * 3 * 2, less than 5.4
         self.plc.wait("grasped", lambda seen: seen["status"] & GRASPED)
         self.robot.lift()
-        time.sleep(1.5)  # the PLC does not read
+        self.robot.live(1.5)  # the PLC does not read
         self.robot.open()
-        time.sleep(0.3)
+        self.robot.live(0.3)
         seen = self.plc.wait("open or lost", lambda seen: seen["grip"] in (OPEN, LOST))
         self.assertGreater(seen["slips"] - before["slips"] & 0xFFFF, 0)
         self.assertNotEqual(seen["latch"], 0)
@@ -207,13 +207,13 @@ class PickTask(unittest.TestCase):
     def lose(self, names):
         self.pick(KNOWN_kg[3], lambda _: None)
         self.robot.offer(KNOWN_kg[3])
-        time.sleep(0.25)
+        self.robot.live(0.25)
         self.robot.close(GRIP_N)
         self.plc.wait("grasped", lambda seen: seen["status"] & GRASPED)
         self.robot.lift()
         self.plc.wait("a stable weight", lambda seen: seen["state"] == STABLE)
         self.robot.silent = names
-        gone = self.plc.wait("no value", lambda seen: seen["grip"] == UNKNOWN, 2)
+        gone = self.plc.wait("no value", lambda seen: seen["grip"] == UNKNOWN)
         for _ in range(25):  # and stays so, whatever the other skin delivers
             self.assertIsNone(gone["kg"])
             self.assertEqual((gone["object"], gone["grip"]), (0, UNKNOWN))

@@ -43,7 +43,7 @@ class Quiet(unittest.TestCase):
                 (daemon.folder / name).symlink_to(os.ttyname(slave))
                 ends += [master, slave]
             daemon.start()
-            wait_for(lambda: daemon.log().count(": open") == len(devices), 5, "the links")
+            wait_for(lambda: daemon.log().count(": open") == len(devices), "the links")
             time.sleep(QUIET_S)
             pid = daemon.process.pid
             before, cpu_before, at = switches(pid), cpu_s(pid), time.monotonic()

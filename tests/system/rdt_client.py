@@ -3,10 +3,12 @@ import socket
 import struct
 import time
 
+from daemon import PATIENCE_S
+
 
 class Client:
-    def __init__(self, port, address="127.0.0.1", timeout=1):
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    def __init__(self, port, address="127.0.0.1", timeout=PATIENCE_S):
+        self.socket, self.timeout = socket.socket(socket.AF_INET, socket.SOCK_DGRAM), timeout
         self.socket.settimeout(timeout)
         self.to = (address, port)
 
@@ -29,7 +31,7 @@ class Client:
                 found.append(self.record())
             except socket.timeout:
                 pass
-        self.socket.settimeout(1)
+        self.socket.settimeout(self.timeout)
         return found
 
     def close(self):

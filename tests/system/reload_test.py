@@ -76,7 +76,7 @@ class Reload(unittest.TestCase):
                    RATE_HZ, "--loop")
         d.start()
         self.node = self.enterContext(tactiled.open(d.name))
-        wait_for(lambda: all(self.node.latest(n).quality == tactiled.GOOD for n in names), 5, "good samples")
+        wait_for(lambda: all(self.node.latest(n).quality == tactiled.GOOD for n in names), "good samples")
         self.plc = ModbusTcpClient("127.0.0.1", port=d.port)
         self.plc.connect()
         self.addCleanup(self.plc.close)
@@ -86,13 +86,13 @@ class Reload(unittest.TestCase):
         return self.plc.read_input_registers(at, count=1, slave=1).registers[0]
 
     def wait_for_warning(self, wanted):
-        wait_for(lambda: self.register(WARN) == wanted, 5, f"WARN to be {wanted}: the log is ahead of it by a turn of the loop")
+        wait_for(lambda: self.register(WARN) == wanted, f"WARN to be {wanted}: the log is ahead of it by a turn of the loop")
 
     def reload(self, says):
         """Sends SIGHUP and waits until the daemon has logged `says`."""
         before = len(self.d.log())
         self.d.process.send_signal(signal.SIGHUP)
-        wait_for(lambda: "SIGHUP: " in self.d.log()[before:] and self.d.log().endswith("\n"), 10, "an answer to SIGHUP")
+        wait_for(lambda: "SIGHUP: " in self.d.log()[before:] and self.d.log().endswith("\n"), "an answer to SIGHUP")
         self.assertRegex(self.d.log()[before:], says)
 
     def edit(self, what, by, path=None):
@@ -121,7 +121,7 @@ class Reload(unittest.TestCase):
         calibration_id = self.register(CAL_ID)
         self.edit('name = "a"\nlink', 'name = "a"\nfilter_hz = 10\ncontact_on_N = 0.2\nlink')
         self.reload(r'changed sensor "a"\n')
-        wait_for(lambda: self.node.latest("a").state & tactiled.LOW_PASS, 2, "the low pass")
+        wait_for(lambda: self.node.latest("a").state & tactiled.LOW_PASS, "the low pass")
         self.assertNotEqual(self.register(CAL_ID), calibration_id)
         self.assertEqual(self.register(WARN), 0)
         seen = self.samples()
@@ -136,7 +136,7 @@ class Reload(unittest.TestCase):
         self.edit("[1.0, 0.0, 0.0]", "[2.0, 0.0, 0.0]", self.d.folder / "a.toml")
         self.edit('serial = "unit"', 'serial = "second"', self.d.folder / "a.toml")
         self.reload(r'changed sensor "a" \(a new epoch, without its tare\)')
-        wait_for(lambda: self.node.latest("a").force_S_N == (2.0, 2.0, -3.0), 2, "the new calibration")
+        wait_for(lambda: self.node.latest("a").force_S_N == (2.0, 2.0, -3.0), "the new calibration")
         self.assertEqual((self.node.info("a").serial, self.node.info("b").serial), ("second", "unit"))
         seen = self.samples()
         self.assertEqual(sum(s.quality == tactiled.BAD for s in seen["a"]), 1, "one BAD sample marks the break")
@@ -155,7 +155,7 @@ class Reload(unittest.TestCase):
         time.sleep(0.1)
         self.assertTrue(self.node.latest("a").state & tactiled.LOW_PASS)
         self.reload(r'changed sensor "a"\n')
-        wait_for(lambda: not self.node.latest("a").state & tactiled.LOW_PASS, 2, "no low pass")
+        wait_for(lambda: not self.node.latest("a").state & tactiled.LOW_PASS, "no low pass")
         self.samples()
 
     def test_what_is_wrong_or_needs_a_restart_changes_nothing_at_all(self):
@@ -236,11 +236,11 @@ class ReloadRate(unittest.TestCase):
             (d.folder / "a.toml").write_text(CALIBRATION)
             d.start()
             with tactiled.open(d.name) as node:
-                wait_for(lambda: node.latest("a").quality == tactiled.GOOD, 10, "a good sample")
+                wait_for(lambda: node.latest("a").quality == tactiled.GOOD, "a good sample")
                 d.config.write_text(d.config.read_text().replace("rate_Hz = 100", "rate_Hz = 300"))
                 device.rate_Hz = 300
                 d.process.send_signal(signal.SIGHUP)
-                wait_for(lambda: "SIGHUP: changed" in d.log(), 10, "an answer to SIGHUP")
+                wait_for(lambda: "SIGHUP: changed" in d.log(), "an answer to SIGHUP")
                 time.sleep(6)  # to settle
                 follower = Follower(d.name, "a")
                 time.sleep(4)

@@ -87,7 +87,7 @@ class Restart(unittest.TestCase):
                 path.write_text(path.read_text().replace("[1.0, 0.0, 0.0]", "[1.5, 0.0, 0.0]"))
                 if reloads:
                     held.daemon.process.send_signal(signal.SIGHUP)
-                    wait_for(lambda: "zero-unknown" in held.read_force()[0], 5, "the reload")
+                    wait_for(lambda: "zero-unknown" in held.read_force()[0], "the reload")
                     held.restart()
                 else:
                     held.restart()
@@ -116,7 +116,7 @@ class Restart(unittest.TestCase):
                                          stderr=subprocess.DEVNULL, text=True)
                 time.sleep(chance.uniform(0, 0.25))
                 held.daemon.process.kill()
-                held.daemon.process.wait(timeout=10)
+                held.daemon.process.wait(timeout=60)
                 was_told = "done" in asked.communicate()[0]
                 held.start()
                 quality, force_N = held.read_force()
@@ -162,7 +162,7 @@ z_S_in_G = [1, 0, 0]
             with Held(more + grasp) as held:
                 self.assertEqual(held.daemon.ctl("tare", "left").returncode, 0)
                 held.device.force_N = [-8.0, 0.0, -15.0]
-                wait_for(lambda: (held.sample()["raw_force_S_N"][2] or 0) < -14, 5, "the grip")
+                wait_for(lambda: (held.sample()["raw_force_S_N"][2] or 0) < -14, "the grip")
                 held.restart()
                 plc = held.plc()
                 for _ in range(100):

@@ -138,7 +138,7 @@ class Bench:
             self.plc = Plc(self.daemon.port)
             self.node = tactiled.open(self.daemon.name)
             for name in self.sensors:
-                wait_for(lambda: self.node.latest(name).quality in (tactiled.GOOD, tactiled.UNCERTAIN), 5, f"{name}\n{self.daemon.log()}")
+                wait_for(lambda: self.node.latest(name).quality in (tactiled.GOOD, tactiled.UNCERTAIN), f"{name}\n{self.daemon.log()}")
         except BaseException:
             self.__exit__()
             raise
@@ -154,7 +154,7 @@ class Bench:
 
     def wait_all_good(self):
         """Method piezo knows its past only after a window."""
-        wait_for(lambda: self.plc.ok_mask() == (1 << len(self.number)) - 1, 5, "all to be GOOD")
+        wait_for(lambda: self.plc.ok_mask() == (1 << len(self.number)) - 1, "all to be GOOD")
 
     def apply(self, loads):
         """Returns when shared memory has two frames of these loads: the second one confirms a step."""
@@ -162,7 +162,7 @@ class Bench:
             self.feeder.load.update({name: {**self.sensors[name].rest(), **load} for name, load in loads.items()})
             first = {name: self.feeder.sequence[name] for name in loads}
         for name in loads:
-            wait_for(lambda: self.node.latest(name).device_sequence > first[name] + 1, 5, f"frames of {name}")
+            wait_for(lambda: self.node.latest(name).device_sequence > first[name] + 1, f"frames of {name}")
 
     def block(self, name):
         return self.plc.block(self.number[name])

@@ -320,19 +320,18 @@ matrix = {rows}
             with open(self.folder / "simulate.log", "w") as log:
                 player = subprocess.Popen([BIN / "tactilectl", "simulate", "--scene", self.scene, *ptys, *words], stderr=log)
             daemon.others.append(player)
-            wait_for(lambda: all((daemon.folder / device).is_symlink() for device in devices.values()), 5, "the ptys")
+            wait_for(lambda: all((daemon.folder / device).is_symlink() for device in devices.values()), "the ptys")
             daemon.start()
             followers = {}
             for sensor in devices:
                 with open(self.folder / f"{sensor}.samples", "w") as file:
                     followers[sensor] = subprocess.Popen([BIN / "follow", daemon.name, sensor, "20"], stdout=file)
             self.assertEqual(player.wait(timeout=30), 0)
-            wait_for(lambda: all(link["gone"] for link in json.loads(daemon.ctl("status", "--json").stdout)["links"]), 10,
-                     "the end of the links: all before it was read")
+            wait_for(lambda: all(link["gone"] for link in json.loads(daemon.ctl("status", "--json").stdout)["links"]), "the end of the links: all before it was read")
             self.assertEqual(daemon.stop()[0], 0)
             seen = {}
             for sensor, follower in followers.items():
-                self.assertEqual(follower.wait(timeout=25), 0)
+                self.assertEqual(follower.wait(timeout=60), 0)
                 seen[sensor] = (self.folder / f"{sensor}.samples").read_text().splitlines()
             self.assertIn(" 0 dropped", (self.folder / "simulate.log").read_text())
             return seen

@@ -94,8 +94,8 @@ class Sensor:
                         writer.writerow([0.01 * i, *map(repr, self.read(self.rest())), *[0.0] * len(columns), f"s{session}"])
                 writer.writerow([0.01 * i, *map(repr, self.read(load)), *[repr(load[c]) for c in self.components], f"s{session}"])
 
-    def frame(self, sequence, channels):
-        """Returns the bytes of a frame: drivers/wire/*.md. A channel that is NaN is missing."""
+    def frame(self, sequence, channels, time_us=None):
+        """Returns the bytes of a frame: drivers/wire/*.md. A channel that is NaN is missing. time_us: only for "cobs"."""
         if self.wire == "lines":
             text = ",".join([str(sequence), *("" if math.isnan(v) else repr(v) for v in channels)])
             checksum = 0
@@ -103,7 +103,8 @@ class Sensor:
                 checksum ^= byte
             return f"{text}*{checksum:02X}\n".encode()
         missing = sum(1 << k for k, value in enumerate(channels) if math.isnan(value))
-        plain = struct.pack("<BBBBHI", 2, 0, len(channels), 1 if missing else 0, sequence & 0xFFFF, 0)
+        flags = (1 if missing else 0) | (0 if time_us is None else 2)
+        plain = struct.pack("<BBBBHI", 2, 0, len(channels), flags, sequence & 0xFFFF, (time_us or 0) & 0xFFFFFFFF)
         plain += struct.pack("<I", missing) if missing else b""
         for value in channels:
             plain += struct.pack("<i", 0 if math.isnan(value) else round(value * self.counts_per_unit))
@@ -115,7 +116,7 @@ class Sensor:
         units = f"counts_per_unit = {self.counts_per_unit}\n" if self.wire == "cobs" else ""
         return (f'[[link]]\nname = "usb-{name}"\ndriver = "uart"\ndevice = "{{folder}}/{name}"\nbaud = 921600\npath = "direct"\nsimulated = true\n{more}\n'
                 f'[[sensor]]\nname = "{name}"\nlink = "usb-{name}"\nmodel = "{self.model}"\ntemperature_range_C = [23, 23]\ncalibration = "{{folder}}/{name}-{method}.toml"\n'
-                f'method = "{method}"\nstale_ms = 500\n{units}\n')
+                f'method = "{method}"\nstale_ms = 2000\n{units}\n')
 
 
 class Play:

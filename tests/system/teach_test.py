@@ -46,16 +46,16 @@ class Teach(unittest.TestCase):
         self.node = tactiled.open(self.daemon.name)
         self.addCleanup(self.node.close)
         self.objects = self.daemon.folder / "objects.toml"
-        wait_for(lambda: self.node.grasp.state == tactiled.GRIP_OPEN, 5, "a value of both jaws")
-        time.sleep(0.3)  # the free phase shows the zero
+        wait_for(lambda: self.node.grasp.state == tactiled.GRIP_OPEN, "a value of both jaws")
+        self.robot.live(0.3)  # the free phase shows the zero
 
     def hold(self, mass_kg):
         self.robot.offer(mass_kg)
-        time.sleep(0.25)
+        self.robot.live(0.25)
         self.robot.close(GRIP_N)
-        wait_for(lambda: self.node.grasp.state == tactiled.GRIP_GRASPED, 4, "grasped")
+        wait_for(lambda: self.node.grasp.state == tactiled.GRIP_GRASPED, "grasped")
         self.robot.lift()
-        wait_for(lambda: self.node.grasp.weight_state == tactiled.WEIGHT_STABLE, 4, "a stable weight")
+        wait_for(lambda: self.node.grasp.weight_state == tactiled.WEIGHT_STABLE, "a stable weight")
         time.sleep(0.1)
         return self.node.grasp
 
@@ -64,7 +64,7 @@ class Teach(unittest.TestCase):
         opening here."""
         self.robot.open()
         gone = (tactiled.GRIP_OPEN, tactiled.GRIP_LOST)
-        wait_for(lambda: self.node.grasp.state in gone and self.robot.is_open(), 4, "open")
+        wait_for(lambda: self.node.grasp.state in gone and self.robot.is_open(), "open")
 
     def teach(self, name, mass_kg, count, *words):
         """Runs tactilectl teach during successive grasps. Returns its result."""
@@ -80,7 +80,7 @@ class Teach(unittest.TestCase):
         time.sleep(0.2)
         hands.start()
         try:
-            out, err = teaching.communicate(timeout=30)
+            out, err = teaching.communicate(timeout=60)
         finally:
             done.set()
             hands.join()
@@ -114,7 +114,7 @@ class Teach(unittest.TestCase):
         self.assertEqual([(o["name"], o["grasps"]) for o in listed["objects"]], [("bolt", 2)])
         self.assertEqual(self.daemon.ctl("teach", "--forget", "screw").returncode, 2)
         self.assertEqual(self.daemon.ctl("teach", "--forget", "bolt").returncode, 0)
-        wait_for(lambda: self.node.grasp.object_id == 0, 2, "the object to be forgotten")  # without a restart, while
+        wait_for(lambda: self.node.grasp.object_id == 0, "the object to be forgotten")  # without a restart, while
                                                                                            # the object is held
         self.assertEqual(self.node.grasp.state, tactiled.GRIP_HOLDING)
 
@@ -131,14 +131,14 @@ class Teach(unittest.TestCase):
     def test_the_web_page_teaches_the_object_that_hangs(self):
         with Web(self.daemon.name, token=TOKEN) as web:
             self.addCleanup(shutil.rmtree, web.folder)
-            wait_for(lambda: web.status()["alive"], 5, "the daemon")
+            wait_for(lambda: web.status()["alive"], "the daemon")
             code, answer = web.command({"command": "teach", "object": "bolt"})
             self.assertEqual((code, answer["result"]), (409, 4))
             self.assertIn("no stable weight", answer["why"])
             self.assertFalse(self.objects.exists())
             self.hold(0.2)
             self.assertEqual(web.command({"command": "teach", "object": "bolt"})[0], 200)
-            wait_for(lambda: self.node.grasp.object == "bolt", 3, "the object")
+            wait_for(lambda: self.node.grasp.object == "bolt", "the object")
             self.let_go()
             self.assertEqual(self.hold(0.2).object, "bolt")
             self.assertEqual(web.command({"command": "teach", "object": "bolt"})[0], 200)  # one more grasp
@@ -188,22 +188,22 @@ class Teach(unittest.TestCase):
         self.assertIn("at most 5 times, or a 5th", self.daemon.ctl("weigh", "known", "0.02", "--force").stderr)
         self.assertFalse(self.node.grasp.scale_shown)
         self.assertEqual(self.daemon.ctl("weigh", "known", "0.1", "--force").returncode, 0)
-        wait_for(lambda: abs(self.node.grasp.weight_kg - 0.1) < 0.001, 2, "the scale of another object")
+        wait_for(lambda: abs(self.node.grasp.weight_kg - 0.1) < 0.001, "the scale of another object")
         self.assertEqual(self.daemon.ctl("weigh", "forget").returncode, 0)
-        wait_for(lambda: self.node.grasp.weight_state == tactiled.WEIGHT_STABLE and abs(self.node.grasp.weight_kg - 0.2) < 0.001, 4, "a weight without it")
+        wait_for(lambda: self.node.grasp.weight_state == tactiled.WEIGHT_STABLE and abs(self.node.grasp.weight_kg - 0.2) < 0.001, "a weight without it")
         known = self.daemon.ctl("weigh", "known", "0.21")
         self.assertEqual(known.returncode, 0)
         self.assertRegex(known.stdout, r"it read 0\.(19|20)\d* kg, and reads 0\.21 kg from now on")
         self.assertEqual(self.daemon.ctl("weigh", "known", "nan").returncode, 2)
-        wait_for(lambda: abs(self.node.grasp.weight_kg - 0.21) < 0.001, 2, "the scale")
+        wait_for(lambda: abs(self.node.grasp.weight_kg - 0.21) < 0.001, "the scale")
         self.assertTrue(self.node.grasp.scale_shown)
         self.assertEqual(self.daemon.ctl("weigh", "forget").returncode, 0)
-        wait_for(lambda: abs(self.node.grasp.weight_kg - 0.2) < 0.001 and not self.node.grasp.scale_shown, 2, "no scale")
-        wait_for(lambda: self.node.grasp.weight_state == tactiled.WEIGHT_STABLE, 2, "a weight without it")
+        wait_for(lambda: abs(self.node.grasp.weight_kg - 0.2) < 0.001 and not self.node.grasp.scale_shown, "no scale")
+        wait_for(lambda: self.node.grasp.weight_state == tactiled.WEIGHT_STABLE, "a weight without it")
         self.assertEqual(self.daemon.ctl("weigh", "zero").returncode, 0)
-        wait_for(lambda: abs(self.node.grasp.weight_kg) < 0.001, 2, "the tare")
+        wait_for(lambda: abs(self.node.grasp.weight_kg) < 0.001, "the tare")
         self.assertEqual(self.daemon.ctl("weigh", "stop").returncode, 0)
-        wait_for(lambda: self.node.grasp.weight_state == tactiled.WEIGHT_NONE, 2, "no weight")
+        wait_for(lambda: self.node.grasp.weight_state == tactiled.WEIGHT_NONE, "no weight")
 
     def test_an_object_taught_with_a_scale_waits_for_it_after_a_restart(self):
         self.hold(0.2)
@@ -219,11 +219,11 @@ class Teach(unittest.TestCase):
         self.assertIn("recognised only once a known weight is shown again", self.daemon.log())
         self.node = tactiled.open(self.daemon.name)
         self.addCleanup(self.node.close)
-        wait_for(lambda: self.node.grasp.state == tactiled.GRIP_OPEN, 5, "a value of both jaws")
-        time.sleep(0.3)
+        wait_for(lambda: self.node.grasp.state == tactiled.GRIP_OPEN, "a value of both jaws")
+        self.robot.live(0.3)
         self.assertEqual(self.hold(0.2).object_id, 0)  # its weight was measured with another scale
         self.assertEqual(self.daemon.ctl("weigh", "known", "0.2").returncode, 0)
-        wait_for(lambda: self.node.grasp.object == "bolt", 2, "the object")
+        wait_for(lambda: self.node.grasp.object == "bolt", "the object")
 
     def test_top_fits_a_terminal_and_prints_plainly_elsewhere(self):
         self.hold(0.2)

@@ -153,7 +153,7 @@ class ThreeSensors(unittest.TestCase):
                 time.sleep(0.1)
                 began = time.monotonic()
                 bench.feeder.unplug(name)
-                wait_for(lambda: bench.block(name)["fault"] == DISCONNECTED, 1, "the fault")  # on a busy machine it is stale before
+                wait_for(lambda: bench.block(name)["fault"] == DISCONNECTED, "the fault")  # on a busy machine it is stale before
                 took = time.monotonic() - began
                 for _ in range(60):
                     block, floats, sample = bench.together(name)
@@ -166,7 +166,7 @@ class ThreeSensors(unittest.TestCase):
                     time.sleep(0.01)
                 witness.check(self)
                 bench.feeder.plug(name)
-                wait_for(lambda: bench.plc.ok_mask() == everyone, 5, "the sensor to come back")
+                wait_for(lambda: bench.plc.ok_mask() == everyone, "the sensor to come back")
                 print(f"\n  {name}: sentinel after {1000 * took:.0f} ms", end="")
 
     def dead(self, name, method, channel, value, fault, load, not_good=UNCERTAIN):
@@ -181,7 +181,7 @@ class ThreeSensors(unittest.TestCase):
         witness = Witness(bench, [other for other in SENSORS if other != name])
         k = sensor.channels.index(channel)
         bench.feeder.spoil[name] = lambda channels: [*channels[:k], value, *channels[k + 1:]]
-        wait_for(lambda: bench.block(name)["status"] & not_good, 2, f"{channel} to be noticed")
+        wait_for(lambda: bench.block(name)["status"] & not_good, f"{channel} to be noticed")
         time.sleep(0.05)
         for _ in range(100):
             block, floats, sample = bench.together(name)
@@ -194,7 +194,7 @@ class ThreeSensors(unittest.TestCase):
             time.sleep(0.005)
         witness.check(self)
         bench.feeder.spoil.clear()
-        wait_for(lambda: bench.block(name)["status"] & OK, 2, "the channel to be believed again")
+        wait_for(lambda: bench.block(name)["status"] & OK, "the channel to be believed again")
         return before.sd_force_N, sample.sd_force_N
 
     def assert_grew(self, before, after, factors):

@@ -81,7 +81,7 @@ class Tool(unittest.TestCase):
         text = self.daemon.config.read_text()
         self.daemon.config.write_text(text[:text.index("[[tool.sensor]]")] + lines)
         self.daemon.process.send_signal(1)
-        wait_for(lambda: "changed the grasp or the tool" in self.daemon.log(), 5, "the reload")
+        wait_for(lambda: "changed the grasp or the tool" in self.daemon.log(), "the reload")
         return lines
 
     def test_the_weight_of_a_hand_is_measured_and_compensated(self):
@@ -134,14 +134,14 @@ class Tool(unittest.TestCase):
 
         # A sensor that is silent, and a robot that falls silent.
         self.devices["wrist"].is_silent = True
-        wait_for(lambda: self.node.tool.quality == tactiled.BAD, 2, "the sum to have no value")
+        wait_for(lambda: self.node.tool.quality == tactiled.BAD, "the sum to have no value")
         self.assertTrue(math.isnan(self.node.tool.force_G_N[0]))
         registers = self.plc.read_input_registers(TOOL, count=20, slave=1).registers
         self.assertEqual((registers[1] >> 15, registers[2:8], registers[15]), (1, [0x8000] * 6, 1))
         self.devices["wrist"].is_silent = False
-        wait_for(lambda: self.node.tool.quality == tactiled.GOOD, 3, "the sum to be back")
+        wait_for(lambda: self.node.tool.quality == tactiled.GOOD, "the sum to be back")
         self.assertFalse(self.plc.write_registers(GRAVITY_X, [0x8000] * 3, slave=1).isError())
-        wait_for(lambda: self.node.tool.quality == tactiled.BAD, 2, "no sum without gravity")
+        wait_for(lambda: self.node.tool.quality == tactiled.BAD, "no sum without gravity")
         self.assertIn("gravity", tool_json(self.daemon)["why"])
 
     def test_a_tare_in_one_pose_holds_in_another(self):
@@ -159,7 +159,7 @@ class Tool(unittest.TestCase):
         node = tactiled.open(self.daemon.name)
         self.plc.close()
         self.plc = ModbusTcpClient("127.0.0.1", port=self.daemon.port)
-        wait_for(self.plc.connect, 10, "the registers of the next run")
+        wait_for(self.plc.connect, "the registers of the next run")
         self.addCleanup(self.plc.close)
         self.turn(1.0, 1.0)
         time.sleep(0.5)
@@ -167,7 +167,7 @@ class Tool(unittest.TestCase):
         self.assertIn("tare", tool_json(self.daemon)["why"])
         done = self.daemon.ctl("tare", "wrist")
         self.assertEqual(done.returncode, 0, done)
-        wait_for(lambda: node.tool.quality == tactiled.GOOD, 2, "the sum after another tare")
+        wait_for(lambda: node.tool.quality == tactiled.GOOD, "the sum after another tare")
 
 
 def tool_json(daemon):

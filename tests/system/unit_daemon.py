@@ -3,6 +3,7 @@ import json
 
 from daemon import Daemon
 
+# stale_ms: a busy machine delays the player and the daemon for longer than 100 ms, and a stale sensor has no value and is not tared.
 CONFIG = """
 [[link]]
 name = "usb0"
@@ -18,7 +19,7 @@ name = "left"
 link = "usb0"
 model = "generic"
 calibration = "{folder}/unit.toml"
-stale_ms = 100
+stale_ms = 2000
 frozen_after = 0
 """
 

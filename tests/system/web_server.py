@@ -12,7 +12,7 @@ import time
 import unittest
 
 import process_costs
-from daemon import BIN, free_port, wait_for
+from daemon import BIN, PATIENCE_S, free_port, wait_for
 from unit_daemon import quality_is, unit_daemon
 
 PROGRAM = BIN / "tactiled-web"
@@ -32,7 +32,7 @@ class Web:
             words += ["--token-file", self.folder / "token"]
         with open(self.log_path, "w") as log:
             self.process = subprocess.Popen([*before, PROGRAM, "--node", node, "--listen", f"127.0.0.1:{self.port}", *map(str, words)], stderr=log, env=env)
-        wait_for(lambda: "http://" in self.log() or self.process.poll() is not None, 10, "the server")
+        wait_for(lambda: "http://" in self.log() or self.process.poll() is not None, "the server")
         assert self.process.poll() is None, self.log()
 
     def log(self):
@@ -77,7 +77,7 @@ class Web:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
             try:
-                self.process.wait(timeout=20)
+                self.process.wait(timeout=60)
             except subprocess.TimeoutExpired:
                 self.process.kill()
                 self.process.wait()
@@ -86,7 +86,7 @@ class Web:
 class Stream:
     """The events of /api/stream, in their order."""
 
-    def __init__(self, web, timeout=5):
+    def __init__(self, web, timeout=PATIENCE_S):
         self.connection = http.client.HTTPConnection("127.0.0.1", web.port, timeout=timeout)
         self.connection.request("GET", "/api/stream")
         self.answer = self.connection.getresponse()
@@ -106,7 +106,7 @@ class Stream:
             elif line.startswith("data: "):
                 data = line[6:]
 
-    def until(self, condition, seconds=5):
+    def until(self, condition, seconds=PATIENCE_S):
         """Returns the first event for which condition(name, data) is true."""
         limit = time.monotonic() + seconds
         while time.monotonic() < limit:
@@ -137,11 +137,11 @@ class WebCase(unittest.TestCase):
         self.daemon = unit_daemon(self.rows, self.rate).start()
         self.addCleanup(shutil.rmtree, self.daemon.folder)
         self.addCleanup(self.daemon.__exit__)
-        wait_for(quality_is(self.daemon, "good"), 5, "a good value")
+        wait_for(quality_is(self.daemon, "good"), "a good value")
 
     def web(self, *words, **kinds):
         web = Web(self.daemon.name, *words, **kinds)
         self.addCleanup(shutil.rmtree, web.folder)
         self.addCleanup(web.__exit__)
-        wait_for(lambda: web.status()["alive"], 5, "the first tick")
+        wait_for(lambda: web.status()["alive"], "the first tick")
         return web

@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """tactiled-web over HTTP: the values are those of the registers, a dead daemon is visible, commands need token and
 origin, history outlives a reload, and hostile clients delay no other client."""
+import bisect
+import itertools
 import json
 import math
 import os
@@ -20,11 +22,11 @@ from prometheus_client.parser import text_string_to_metric_families
 from pymodbus.client import ModbusTcpClient
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
-from daemon import ROOT, free_port, wait_for  # noqa: E402
+from daemon import PATIENCE_S, ROOT, Stopwatch, free_port, wait_for  # noqa: E402
 from hostile_web import KINDS, Hostile, ordinary  # noqa: E402
 from unit_daemon import CONFIG, quality_is, unit_daemon  # noqa: E402
 from mcap_bytes import with_checksums, with_quality  # noqa: E402
-from simulated_node import simulated_node  # noqa: E402
+from simulated_node import simulated_node, tactiled  # noqa: E402
 from web_server import PROGRAM, TOKEN, Stream, Web, WebCase, column  # noqa: E402
 
 BAD = 3
@@ -77,33 +79,33 @@ class Values(WebCase):
         config = CONFIG.replace('path = "direct"', 'path = "network"')
         with unit_daemon(config=config).start() as daemon, Web(daemon.name) as web:
             self.addCleanup(shutil.rmtree, daemon.folder)
-            wait_for(quality_is(daemon, "good"), 5, "a good value")
-            time.sleep(0.3)  # the bound grows from the first frame on
+            wait_for(quality_is(daemon, "good"), "a good value")
+
+            def of_status():
+                return json.loads(daemon.ctl("status", "--json").stdout)["sensors"][0]["age_bound_ms"]
+
             for player in daemon.others:
-                player.kill()  # the bound grows with the age of the last frame
-            wait_for(quality_is(daemon, "bad"), 5, "the end of the frames")
-            time.sleep(0.3)
-            began = time.monotonic()
-            status = web.status()
+                player.kill()
+            wait_for(quality_is(daemon, "bad"), "the end of the frames")
+            wait_for(lambda: of_status() > 100, "a bound that grows with the age of the last frame")
+            bounds_ms, status = [of_status()], web.status()
             jsonschema.validate(status, SCHEMA)
-            bounds_ms = [status["sensors"][0]["age_bound_ms"], json.loads(daemon.ctl("status", "--json").stdout)["sensors"][0]["age_bound_ms"]]
-            bounds_ms.append(1000 * of(web.ask("/metrics")[2], "tactiled_sensor_age_bound_seconds", sensor="left"))
+            bounds_ms += [status["sensors"][0]["age_bound_ms"], of_status()]
+            bounds_ms += [1000 * of(web.ask("/metrics")[2], "tactiled_sensor_age_bound_seconds", sensor="left"), of_status()]
             stream = Stream(web)
             self.addCleanup(stream.close)
-            bounds_ms.append(stream.until(lambda name, _: name == "frame")["sensors"][0]["age_bound_ms"])
-            self.assertGreater(bounds_ms[0], 100)
+            bounds_ms += [stream.until(lambda name, _: name == "frame")["sensors"][0]["age_bound_ms"], of_status()]
             self.assertEqual(bounds_ms, sorted(bounds_ms))
-            self.assertLess(bounds_ms[-1] - bounds_ms[0], (time.monotonic() - began) * 1000 + 50)
 
     def test_a_killed_daemon_has_no_value_anywhere_and_its_successor_is_found(self):
         web = self.web()
         stream = Stream(web)
         stream.until(lambda name, data: name == "frame" and data["alive"])
-        self.daemon.process.kill()
-        killed = time.monotonic()
-        self.daemon.process.wait()
-        frame = stream.until(lambda name, data: name == "frame" and not data["alive"])
-        self.assertLess(time.monotonic() - killed, 0.5)
+        with Stopwatch() as watch:
+            self.daemon.process.kill()
+            self.daemon.process.wait()
+            frame = stream.until(lambda name, data: name == "frame" and not data["alive"])
+            self.assertLess(watch.seconds(), 0.5)
         self.assertIn("does not respond", frame["why"])
         self.assertEqual(frame["sensors"][0]["quality"], BAD)
         self.assertEqual(frame["sensors"][0]["force_N"], [None] * 3)
@@ -116,7 +118,7 @@ class Values(WebCase):
         self.assertTrue(math.isnan(of(metrics, "tactiled_sensor_force_newtons", sensor="left", axis="z")))
         self.assertEqual(of(metrics, "tactiled_sensor_quality", sensor="left", quality="good"), 0)
         self.daemon.start()
-        frame = stream.until(lambda name, data: name == "frame" and data["alive"] and data["sensors"][0]["quality"] == 1, 10)
+        frame = stream.until(lambda name, data: name == "frame" and data["alive"] and data["sensors"][0]["quality"] == 1)
         self.assertEqual(frame["sensors"][0]["force_N"], [1, 2, -3])
         events = json.loads(web.ask("/api/events")[2])
         jsonschema.validate(events, {"$ref": "#/definitions/events", "definitions": json.loads(web.ask("/api/schema")[2])["definitions"]})
@@ -135,15 +137,20 @@ class Values(WebCase):
 
     def past(self, web):
         stream = Stream(web)
-        self.addCleanup(stream.close)
-        return stream.until(lambda name, _: name == "past")
+        past = stream.until(lambda name, _: name == "past")
+        stream.close()
+        return past
 
     def test_history_is_there_after_a_reload_and_goes_back_a_minute_at_most(self):
         web = self.web()
-        time.sleep(3)
+
+        def is_long():
+            time.sleep(0.5)
+            t_s = column(self.past(web)["t_s"], "d")
+            return len(t_s) > 1 and t_s[-1] - t_s[0] > 2.5
+        wait_for(is_long, "a past")
         past = self.past(web)
         t_s = column(past["t_s"], "d")
-        self.assertGreater(t_s[-1] - t_s[0], 2.5)
         self.assertEqual(set(b > a for a, b in zip(t_s, t_s[1:])), {True})
         self.assertEqual(len(t_s), len(column(past["value"][0], "f")))
         self.assertEqual(set(column(past["value"][2], "f")[-10:]), {-3.0})
@@ -165,7 +172,7 @@ class Values(WebCase):
         self.addCleanup(shutil.rmtree, fresh.folder)
         self.addCleanup(fresh.__exit__)
         for server in (web, fresh):
-            wait_for(lambda: "layout" in server.status()["why"], 3, "the reason")
+            wait_for(lambda: "layout" in server.status()["why"], "the reason")
             status = server.status()
             jsonschema.validate(status, SCHEMA)
             self.assertFalse(status["alive"])
@@ -178,7 +185,7 @@ class Values(WebCase):
         time.sleep(1)
         self.daemon.stop()
         with simulated_node(3, ("new", "left", "third"), self.daemon.name) as other:
-            hello = stream.until(lambda name, data: name == "hello" and data["pid"] == other.process.pid, 10)
+            hello = stream.until(lambda name, data: name == "hello" and data["pid"] == other.process.pid)
             self.assertEqual([s["name"] for s in hello["sensors"]], ["new", "left", "third"])
             pasts = [stream.until(lambda name, _: name == "past") for _ in range(3)]
             self.assertEqual([past["sensor"] for past in pasts], [0, 1, 2])
@@ -203,20 +210,19 @@ class Values(WebCase):
 class Recording(WebCase):
     def test_a_recording_is_shown_with_its_samples_and_again_at_its_end(self):
         file = self.daemon.folder / "pick.mcap"
-        done = self.daemon.ctl("record", file, "--node", self.daemon.name, "--seconds", "1")
+        done = self.daemon.ctl("record", file, "--node", self.daemon.name, "--seconds", "1", "--json")
         self.assertEqual(done.returncode, 0, done.stderr)
+        of_file = json.loads(done.stdout)["messages"] // 4  # a frame, a sample, a wrench and a quality each
         self.daemon.stop()
         with Web("gripper", file) as web:  # the file, and no daemon
             self.addCleanup(shutil.rmtree, web.folder)
-            wait_for(lambda: web.status()["alive"], 5, "the first sample")
+            wait_for(lambda: web.status()["alive"], "the first sample")
             status = web.status()
             jsonschema.validate(status, SCHEMA)
             self.assertEqual((status["sensors"][0]["name"], status["sensors"][0]["force_S_N"]), ("left", [1, 2, -3]))
             self.assertEqual(of(web.ask("/metrics")[2], "tactiled_simulated"), 1)
             samples = of(web.ask("/metrics")[2], "tactiled_sensor_samples_total", sensor="left")
-            time.sleep(3)
-            now = of(web.ask("/metrics")[2], "tactiled_sensor_samples_total", sensor="left")
-            self.assertAlmostEqual(now - samples, 300, delta=120)  # 200 Hz for 1 s of every 2 s
+            wait_for(lambda: of(web.ask("/metrics")[2], "tactiled_sensor_samples_total", sensor="left") > samples + of_file, "the file once more")
             name = web.log().rpartition("node \"")[2].partition("\"")[0]
             segment = self.daemon.segment.parent / f"tactiled.{name}"
             self.assertTrue(segment.exists())
@@ -237,7 +243,7 @@ class Recording(WebCase):
         file.write_bytes(with_checksums(data))
         with Web("gripper", file) as web:
             self.addCleanup(shutil.rmtree, web.folder)
-            wait_for(lambda: web.status()["alive"], 5, "the first sample")
+            wait_for(lambda: web.status()["alive"], "the first sample")
             status = web.status()
             jsonschema.validate(status, SCHEMA)
             names = [sensor["name"] for sensor in status["sensors"]]
@@ -257,7 +263,7 @@ class Recording(WebCase):
             self.addCleanup(shutil.rmtree, web.folder)
             stream, seen = Stream(web), set()
             until = time.monotonic() + 2.5
-            while time.monotonic() < until:
+            while time.monotonic() < until or len({quality for quality, _, _ in seen}) < 2:
                 frame = stream.until(lambda name, _: name == "frame")
                 seen |= {(s["quality"], s["worst"], s["force_N"][2]) for s in frame["sensors"]}
             stream.close()
@@ -268,7 +274,7 @@ class Recording(WebCase):
     def test_a_file_that_is_no_recording_is_refused(self):
         file = self.daemon.folder / "rows.csv"
         for words in ((file,), (self.daemon.folder / "none.mcap",)):
-            done = subprocess.run([PROGRAM, "--listen", f"127.0.0.1:{free_port()}", *words], capture_output=True, text=True, timeout=10)
+            done = subprocess.run([PROGRAM, "--listen", f"127.0.0.1:{free_port()}", *words], capture_output=True, text=True, timeout=60)
             self.assertEqual(done.returncode, 2, done.stderr)
 
 
@@ -278,14 +284,16 @@ class Peaks(WebCase):
 
     def test_no_peak_between_two_ticks_is_missed(self):
         web = self.web()
-        time.sleep(3)
+        with tactiled.open(self.daemon.name).follow("left", PATIENCE_S) as left:
+            published_s = [sample.t_published_ns / 1e9 for sample in itertools.islice(left, 600) if sample.force_S_N[2] < -49]
+        self.assertGreaterEqual(len(published_s), 5)
         stream = Stream(web)
         past = stream.until(lambda name, _: name == "past")
         stream.close()
         low, t_s = column(past["low"][2], "f"), column(past["t_s"], "d")
-        blows = sum(1 for v in low if v < -49)
-        seconds = t_s[-1] - t_s[0]
-        self.assertGreaterEqual(blows, math.floor(seconds / 0.5) - 1)
+        ticks = {bisect.bisect(t_s, at_s) for at_s in published_s} - {0, len(t_s)}  # each follows a peak
+        self.assertGreaterEqual(len(ticks), 4)
+        self.assertGreaterEqual(sum(v < -49 for v in low), len(ticks))
 
 
 class HostileClients(WebCase):
@@ -319,7 +327,7 @@ class HostileClients(WebCase):
         slow = [self.connect(data) for data in kinds]
         time.sleep(5)
         self.assertEqual([closed(s) for s in slow], [False] * 3)
-        wait_for(lambda: all(closed(s) for s in slow), 8, "the connections to be closed")
+        wait_for(lambda: all(closed(s) for s in slow), "the connections to be closed")
 
     def test_streams_that_take_nothing_cost_no_memory_and_delay_nobody(self):
         before_kB = self.server.rss_kB()
@@ -339,7 +347,7 @@ class HostileClients(WebCase):
         for stream in streams:
             stream.until(lambda name, _: name == "frame")
             stream.close()
-        wait_for(lambda: self.server.ask("/metrics")[2].count(b"tactiled_web_streams 0") == 1, 5, "the places")
+        wait_for(lambda: self.server.ask("/metrics")[2].count(b"tactiled_web_streams 0") == 1, "the places")
 
     def test_malformed_requests_change_nothing(self):
         head = b"POST /api/command HTTP/1.1\r\nHost: localhost\r\n"

@@ -60,7 +60,7 @@ class Base(unittest.TestCase):
         self.daemon = unit_daemon(self.rows, self.rate).start()
         self.addCleanup(shutil.rmtree, self.daemon.folder)
         self.addCleanup(self.daemon.__exit__)
-        wait_for(quality_is(self.daemon, "good"), 5, "a good value")
+        wait_for(quality_is(self.daemon, "good"), "a good value")
         self.start_page()
 
     def start_page(self):
@@ -79,7 +79,7 @@ class Base(unittest.TestCase):
 
     def open(self):
         self.page.get(f"http://{self.web.host}/")
-        wait_for(lambda: not self.is_stale(), 10, "a page that is not stale")
+        wait_for(lambda: not self.is_stale(), "a page that is not stale")
 
     def js(self, code, *args):
         return self.page.execute_script(code, *args)
@@ -166,7 +166,7 @@ class Page(Base):
         self.assertNotIn("GOOD", self.text("[data-sensor=left] .quality"))
         self.daemon.process.wait()
         self.daemon.start()
-        wait_for(lambda: not self.is_stale(), 10, "the successor")
+        wait_for(lambda: not self.is_stale(), "the successor")
         self.assertEqual(self.shown()["fx"][0], "1.000")
         changes = self.text("#changes")
         self.assertIn("does not respond", changes)
@@ -183,28 +183,28 @@ class Page(Base):
         took = self.time_to_stale("SIGSTOP of the server")
         self.assertLess(took, STALE_LIMIT_S)
         self.web.process.send_signal(signal.SIGCONT)
-        wait_for(lambda: not self.is_stale(), 10, "the server")
+        wait_for(lambda: not self.is_stale(), "the server")
 
     def test_a_way_that_is_slow_from_the_beginning_is_no_zero_of_the_ages(self):
         way = Delayed(self.web.port, 1.0)
         self.addCleanup(way.listener.close)
         self.page.get(f"http://127.0.0.1:{way.port}/")
-        wait_for(lambda: "a request takes 2." in self.text("#stale-why"), 15, "the reason")
+        wait_for(lambda: "a request takes 2." in self.text("#stale-why"), "the reason")
         until = time.monotonic() + 5
         while time.monotonic() < until:
             self.assertTrue(self.is_stale())
         self.assertEqual({value[0] for value in self.shown().values()}, {"–"})
         way.delay_s = 0.05
-        wait_for(lambda: not self.is_stale(), 10, "a faster way")
+        wait_for(lambda: not self.is_stale(), "a faster way")
 
     def test_a_clock_that_stood_still_makes_the_page_ask_anew(self):
         # A paused virtual machine, with daemon and server in it: from then on all its times are late by the pause.
         self.js("const now = performance.now.bind(performance); performance.now = () => now() + 1500")
-        wait_for(self.is_stale, 2, "STALE")
-        wait_for(lambda: not self.is_stale(), 10, "a new connection")
+        wait_for(self.is_stale, "STALE")
+        wait_for(lambda: not self.is_stale(), "a new connection")
         self.js("const now = performance.now.bind(performance); performance.now = () => now() - 4500")  # the browser's machine slept
         time.sleep(0.5)
-        wait_for(lambda: not self.is_stale(), 10, "a page that goes on")
+        wait_for(lambda: not self.is_stale(), "a page that goes on")
         self.web.process.send_signal(signal.SIGSTOP)
         self.addCleanup(self.web.process.send_signal, signal.SIGCONT)
         self.assertLess(self.time_to_stale("SIGSTOP after the clock was set back"), STALE_LIMIT_S)
@@ -218,20 +218,20 @@ class Page(Base):
         self.page.execute_cdp_cmd("Page.setWebLifecycleState", {"state": "active"})
         self.assertLess(self.time_to_stale("a sleeping tab, after it woke"), STALE_LIMIT_S)
         self.web.process.send_signal(signal.SIGCONT)
-        wait_for(lambda: not self.is_stale(), 10, "the server")
+        wait_for(lambda: not self.is_stale(), "the server")
 
     def test_a_time_without_data_is_no_line_in_the_plot(self):
         self.web.process.send_signal(signal.SIGSTOP)
         time.sleep(2)
         self.web.process.send_signal(signal.SIGCONT)
-        wait_for(lambda: not self.is_stale(), 10, "the server")
+        wait_for(lambda: not self.is_stale(), "the server")
         gaps = "const p = cards[0].past; return p.t_s.map((t, i) => [t - p.t_s[i - 1], p.columns[0].value[i - 1]]).filter(([d]) => d > 0.5)"
         for _ in range(2):  # first the frames as they arrived, then the history
             found = self.js(gaps)
             self.assertEqual([value for _, value in found], [None] * len(found))
             self.assertTrue(any(1.5 < d < 3 for d, _ in found), found)
             self.page.refresh()
-            wait_for(lambda: not self.is_stale(), 10, "the page")
+            wait_for(lambda: not self.is_stale(), "the page")
 
     def test_a_page_that_is_open_for_weeks_keeps_200_changes(self):
         self.js("""for (let id = 1000; id < 3000; ++id)
@@ -244,12 +244,12 @@ class Page(Base):
         time.sleep(1)
         self.assertEqual(self.js("return window.mark"), 1)  # a reload of the configuration greets with the same page
         self.js("source.dispatchEvent(new MessageEvent('hello', {data: JSON.stringify({...hello, t_s: frame.t_s, page: 'another'})}))")
-        wait_for(lambda: self.js("return window.mark === undefined && document.readyState === 'complete'"), 10, "the new page")
-        wait_for(lambda: not self.is_stale(), 10, "values")
+        wait_for(lambda: self.js("return window.mark === undefined && document.readyState === 'complete'"), "the new page")
+        wait_for(lambda: not self.is_stale(), "values")
 
     def time_to_stale(self, what):
         began = time.monotonic()
-        wait_for(self.is_stale, 5, "STALE")
+        wait_for(self.is_stale, "STALE")
         took = time.monotonic() - began
         print(f"{what}: STALE after {took:.3f} s")
         return took
@@ -259,20 +259,20 @@ class Page(Base):
         self.assertFalse(tare.is_enabled())
         field = self.page.find_element(By.ID, "token")
         field.send_keys("wrong-" + TOKEN + Keys.ENTER)
-        wait_for(tare.is_enabled, 2, "the buttons")
+        wait_for(tare.is_enabled, "the buttons")
         tare.send_keys(Keys.ENTER)
-        wait_for(lambda: "token is wrong" in self.text("#outcome"), 5, "the refusal")
+        wait_for(lambda: "token is wrong" in self.text("#outcome"), "the refusal")
         self.assertEqual(self.web.status()["sensors"][0]["tare_count"], 0)
         field.send_keys(TOKEN + Keys.ENTER)
-        wait_for(tare.is_enabled, 2, "the buttons")
+        wait_for(tare.is_enabled, "the buttons")
         tare.send_keys(Keys.ENTER)
-        wait_for(lambda: self.text("#outcome") == "tare left: done", 10, "the tare")
-        wait_for(lambda: self.shown()["fz"][0] == "0.000", 3, "the new zero")
+        wait_for(lambda: self.text("#outcome") == "tare left: done", "the tare")
+        wait_for(lambda: self.shown()["fz"][0] == "0.000", "the new zero")
 
     def test_sixty_seconds_of_history_after_a_reload_and_no_request_leaves_the_machine(self):
-        wait_for(lambda: self.js("return cards[0].past.t_s.at(-1) - cards[0].past.t_s[0]") > 61, 90, "a minute")
+        wait_for(lambda: self.js("return cards[0].past.t_s.at(-1) - cards[0].past.t_s[0]") > 61, "a minute", 90)
         self.page.refresh()
-        wait_for(lambda: not self.is_stale(), 5, "the page")
+        wait_for(lambda: not self.is_stale(), "the page")
         span_s, n = self.js("const t = cards[0].past.t_s; return [t.at(-1) - t[0], t.length]")
         print(f"after a reload: {span_s:.1f} s of history, {n} points")
         self.assertGreater(span_s, 59.5)
@@ -317,8 +317,8 @@ class Others(Base):
         for sensors in (16, 1, 3):
             self.stop_daemon()
             self.daemon = simulated_node(sensors, node=name)
-            wait_for(lambda: self.names() == [f"s{n}" for n in range(sensors)] and not self.is_stale(), 10, f"{sensors} sensors")
-            wait_for(lambda: self.js("return document.querySelectorAll('#links tbody tr').length") == sensors, 3, "the links")
+            wait_for(lambda: self.names() == [f"s{n}" for n in range(sensors)] and not self.is_stale(), f"{sensors} sensors")
+            wait_for(lambda: self.js("return document.querySelectorAll('#links tbody tr').length") == sensors, "the links")
         self.assertEqual(self.errors(), [])
 
     def test_sixteen_sensors_with_the_longest_names_fit_on_a_phone(self):
@@ -326,7 +326,7 @@ class Others(Base):
         self.stop_daemon()
         self.daemon = simulated_node(16, "a_sensor_with_a_long_name_no_{n:02}", name)
         self.page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": 320, "height": 640, "deviceScaleFactor": 2, "mobile": True})
-        wait_for(lambda: len(self.names()) == 16 and not self.is_stale(), 10, "16 sensors")
+        wait_for(lambda: len(self.names()) == 16 and not self.is_stale(), "16 sensors")
         time.sleep(2)
         self.assertEqual(self.js("""return [...document.querySelectorAll('main *')].filter((e) => !e.closest('.wide') && !e.closest('.uplot') && e.getBoundingClientRect().right > 320.5)
             .map((e) => e.className + e.tagName)"""), [])
@@ -346,7 +346,7 @@ class Others(Base):
         self.addCleanup(shutil.rmtree, web.folder)
         self.addCleanup(web.__exit__)
         self.page.get(f"http://{web.host}/")
-        wait_for(lambda: not self.is_stale(), 10, "the recording")
+        wait_for(lambda: not self.is_stale(), "the recording")
         self.assertEqual(self.names()[0], odd.decode())
         self.assertEqual(self.js("return document.querySelectorAll('main img').length"), 0)
         self.assertEqual(self.errors(), [])
@@ -393,7 +393,7 @@ stale_ms = 100
 
     def test_light_dark_and_phone(self):
         folder = ROOT / "node/web" if os.environ.get("PICTURES") else pathlib.Path(tempfile.mkdtemp())
-        wait_for(lambda: "SIMULATED" in self.text("#flags"), 5, "the mark of simulated data")
+        wait_for(lambda: "SIMULATED" in self.text("#flags"), "the mark of simulated data")
         time.sleep(40)
         self.players[0].send_signal(signal.SIGSTOP)
         time.sleep(0.6)
@@ -417,7 +417,7 @@ stale_ms = 100
             self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), width, "nothing is cut off at the right")
             self.page.save_screenshot(str(folder / f"{name}.png"))
         self.daemon.process.kill()
-        wait_for(self.is_stale, 5, "STALE")
+        wait_for(self.is_stale, "STALE")
         time.sleep(0.3)
         self.page.save_screenshot(str(folder / "stale.png"))
         print(f"pictures in {folder}")

@@ -53,7 +53,7 @@ def print_costs(web, what, seconds):
 
 def live(sensors=1, seconds=10.0):
     with simulated_node(sensors) as daemon, Web(daemon.name) as web:
-        wait_for(lambda: web.status()["alive"], 10, "the daemon")
+        wait_for(lambda: web.status()["alive"], "the daemon")
         time.sleep(62)  # the history is full
         print_costs(web, f"{sensors} live", seconds)
 
@@ -66,7 +66,7 @@ def recording(sensors=1, seconds=10.0):
         daemon.stop()
         print(f"{sensors} sensors at 1 kHz for 30 s: {file.stat().st_size / 1e6:.1f} MB")
         with Web("unused", file) as web:
-            wait_for(lambda: web.status()["alive"], 10, "the recording")
+            wait_for(lambda: web.status()["alive"], "the recording")
             print_costs(web, f"{sensors} recorded", seconds)
 
 

@@ -40,7 +40,7 @@ class Capture:
     def stop(self):
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
-            self.process.wait(timeout=10)
+            self.process.wait(timeout=60)
 
 
 def conversation(capture):

@@ -29,16 +29,15 @@ address = {RTU_ADDRESS}
 
 def map_daemon(rtu=False, tare_ms=20):
     """Starts a daemon with one sensor that reads (1, 2, -3) N, with every part of the map enabled; its force is good."""
-    # A busy machine interrupts the player for longer than 100 ms, and a stale sensor is not tared.
-    sensor = CONFIG.replace("stale_ms = 100", "stale_ms = 2000") + f"tare_ms = {tare_ms}\n"
+    sensor = CONFIG + f"tare_ms = {tare_ms}\n"
     config = OPEN_TO_WRITERS + (RTU if rtu else "") + sensor
     return unit_daemon(rows="0,1,2,-3\n0.005,1,2,-3\n", config=config)
 
 
 def start_map(daemon):
     daemon.start()
-    wait_for(quality_is(daemon, "good"), 3, "a good sample")
-    wait_for(lambda: listens(daemon.port), 3, "the server to listen")
+    wait_for(quality_is(daemon, "good"), "a good sample")
+    wait_for(lambda: listens(daemon.port), "the server to listen")
     adopt_number(daemon.port)
 
 
@@ -97,7 +96,7 @@ def expected(without=()):
 
 def table(words, env=None):
     """Runs a client that prints lines "NAME JSON"; returns them as a table."""
-    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=20, env=env)
+    done = subprocess.run(list(map(str, words)), capture_output=True, text=True, timeout=60, env=env)
     if done.returncode != 0:
         raise AssertionError(f"{words}: status {done.returncode}\n{done.stdout}{done.stderr}")
     lines = [line.split(" ", 1) for line in done.stdout.splitlines()]

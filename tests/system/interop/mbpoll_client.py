@@ -13,7 +13,7 @@ class Mbpoll:
 
     def run(self, words, values=()):
         command = ["mbpoll", *self.options, "-0", "-1", *words.split(), self.host]
-        return subprocess.run([*command, *map(str, values)], capture_output=True, text=True, timeout=10)
+        return subprocess.run([*command, *map(str, values)], capture_output=True, text=True, timeout=60)
 
     def read(self, words):
         """Returns the values as numbers; a 16-bit one that mbpoll shows as "65236 (-300)" is the signed one."""

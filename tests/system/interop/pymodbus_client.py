@@ -161,7 +161,7 @@ class Pymodbus:
         }
 
 
-def poll(read, good, seconds=3):
+def poll(read, good, seconds=30):
     until = time.monotonic() + seconds
     seen = read()
     while not good(seen) and time.monotonic() < until:
