@@ -1,5 +1,6 @@
-// Zeros that drift for an hour: calibrate sees a recording with this drift, then the sensor is tared and measures.
-// Prints for each drift the share of GOOD samples that are off by more than 5 sd, and the share of samples that are GOOD.
+// Zeros that drift: calibrate sees a recording with this drift, then the sensor is tared and measures for an hour. Prints
+// the share of GOOD samples that are off by more than 5 sd, in parentheses with zeros that do not age, and the share of
+// samples whose zero is old. Then eight hours of picks.
 #include <fmt/format.h>
 
 #include <array>
@@ -85,17 +86,19 @@ private:
 };
 
 struct Count {
-    std::size_t samples = 0, good = 0, wrong = 0;
+    std::size_t samples = 0, old = 0, good = 0, wrong = 0;
+    void add(const Count& more) { samples += more.samples, old += more.old, good += more.good, wrong += more.wrong; }
 };
 
-void measure(Made& made, const Case& of, const Calibration& calibration, Count& count) {
+Count measure(Made made, const Case& of, const Calibration& calibration, bool ages, double hours = 1) {
+    Count count;
     Sensor::Setup setup;
     for (std::size_t k = 0; k < calibration.channels.size(); ++k) setup.channel_of_frame.push_back(int(k));
     setup.frame_channels = calibration.channels.size();
     setup.tuning.stale_ns = 2'000'000'000;
     setup.tuning.tare_ms = 5000;
     setup.needs_tare = calibration.validation.ends_with(Calibration::kOwnZeros);
-    setup.zero = zero_rates(calibration);
+    if (ages) setup.zero = zero_rates(calibration);
     setup.decoupler = make_decoupler(calibration);
     Sensor sensor(std::move(setup));
     sensor.start(1, 0);
@@ -104,7 +107,7 @@ void measure(Made& made, const Case& of, const Calibration& calibration, Count& 
     Frame frame;
     frame.n_channels = std::uint8_t(calibration.channels.size());
     const int n_tare = int(10 * kRate_Hz);
-    for (int i = 0; i < int(kHour_s * kRate_Hz); ++i) {
+    for (int i = 0; i < int(hours * kHour_s * kRate_Hz); ++i) {
         const double t_s = double(i + 1) / kRate_Hz;
         const bool presses = i > n_tare && (of.use == Use::held || (of.use == Use::picks && int(t_s) % 20 < 10));
         if (of.use == Use::picks && i % int(20 * kRate_Hz) == 0) held = made.load();
@@ -117,12 +120,24 @@ void measure(Made& made, const Case& of, const Calibration& calibration, Count& 
         (void)sensor.poll_tare(frame.t_ns);
         if (i <= n_tare) continue;
         ++count.samples;
+        count.old += (s.reasons & TACTILED_ZERO_OLD) != 0 ? 1 : 0;
         if (s.quality != TACTILED_GOOD) continue;
         ++count.good;
         bool wrong = false;
         for (std::size_t c = 0; c < 3; ++c) wrong |= std::abs(s.force_S_N[c] - force[c]) > 5 * s.sd_force_N[c];
         count.wrong += wrong ? 1 : 0;
     }
+    return count;
+}
+
+double percent(std::size_t part, std::size_t of) { return of == 0 ? 0 : 100.0 * double(part) / double(of); }
+
+Calibration calibrated(Made& made, int number) {
+    FitRequest request;
+    request.model = "generic";
+    request.method = number % 8 < 4 ? "matrix" : "quadratic";
+    request.date = "2026-01-01";
+    return fit(made.recording(), request).calibration;
 }
 
 int run() {
@@ -135,31 +150,36 @@ int run() {
         for (const double per_min : {1e-4, 1e-3, 5e-3, 2e-2}) cases.push_back({name, per_min, 0, use, load});
         for (const double warm_up : {0.01, 0.03, 0.1}) cases.push_back({name, 0, warm_up, use, load});
     }
-    Count all;
+    Count all, all_before;
+    const auto print = [](const std::string& what, const Count& now, const Count& before) {
+        fmt::print("{}: {:.3f} % of GOOD beyond 5 sd ({:.1f} %), {:.1f} % old\n", what, percent(now.wrong, now.good),
+                   percent(before.wrong, before.good), percent(now.old, now.samples));
+        std::fflush(stdout);
+    };
     for (const Case& of : cases) {
-        Count count;
-        int refused = 0;
+        Count count, before;
         for (int number = 0; number < kSensors; ++number) {
             Made made(number, of);
-            FitRequest request;
-            request.model = "generic";
-            request.method = number % 8 < 4 ? "matrix" : "quadratic";
-            request.date = "2026-01-01";
-            try {
-                const Calibration calibration = fit(made.recording(), request).calibration;
-                measure(made, of, calibration, count);
-            } catch (const std::exception& error) { ++refused; }
+            const Calibration calibration = calibrated(made, number);
+            count.add(measure(made, of, calibration, true));
+            before.add(measure(made, of, calibration, false));
         }
-        all.samples += count.samples, all.good += count.good, all.wrong += count.wrong;
-        fmt::print(
-            "{}, {}: {:.3f} % of GOOD beyond 5 sd, {:.1f} % GOOD, {} refused by calibrate\n", of.name,
-            of.per_min > 0 ? fmt::format("{:g} %/min", 100 * of.per_min) : fmt::format("warm-up {:g} %", 100 * of.warm_up),
-            count.good == 0 ? 0 : 100.0 * double(count.wrong) / double(count.good),
-            count.samples == 0 ? 0 : 100.0 * double(count.good) / double(count.samples), refused);
-        std::fflush(stdout);
+        all.add(count);
+        all_before.add(before);
+        print(fmt::format("{}, {} {:g} %{}", of.name, of.per_min > 0 ? "drift" : "warm-up",
+                          100 * (of.per_min > 0 ? of.per_min : of.warm_up), of.per_min > 0 ? "/min" : ""),
+              count, before);
     }
-    fmt::print("all: {:.3f} % of GOOD beyond 5 sd, {:.1f} % GOOD\n", 100.0 * double(all.wrong) / double(all.good),
-               100.0 * double(all.good) / double(all.samples));
+    print("all", all, all_before);
+    Count day, day_before;
+    const Case picks{"picks", 1e-4, 0, Use::picks, 0};
+    for (int number = 0; number < kSensors; ++number) {
+        Made made(number, picks);
+        const Calibration calibration = calibrated(made, number);
+        day.add(measure(made, picks, calibration, true, 8));
+        day_before.add(measure(made, picks, calibration, false, 8));
+    }
+    print("eight hours of picks, drift 0.01 %/min", day, day_before);
     return 0;
 }
 

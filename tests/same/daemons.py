@@ -106,7 +106,7 @@ class Recording:
         self.daemon.start()
         recorder = subprocess.Popen([self.base / "tactilectl", "record", self.file, "--config", self.daemon.config, "--node", self.daemon.name,
                                      "--seconds", str(self.seconds)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-        rig.wait_for(self.file.exists, 10, "the recording")
+        rig.wait_for(self.file.exists, "the recording")
         for words in self.players:
             self.daemon.play(*(str(word).replace("{folder}", str(self.folder)) for word in words))
         said = recorder.communicate(timeout=self.seconds + 30)[0]
@@ -183,7 +183,7 @@ def watch(recording, build, blocks):
     (daemon.folder / "tactiled.log").unlink(missing_ok=True)  # start() waits for a line in it
     daemon.start()
     client = ModbusTcpClient("127.0.0.1", port=daemon.port)
-    rig.wait_for(client.connect, 10, "the Modbus server")
+    rig.wait_for(client.connect, "the Modbus server")
     runs = {}
     begun = time.monotonic()
     while (now_s := time.monotonic() - begun) < recording.seconds + 1:

@@ -67,7 +67,7 @@ class Identify(unittest.TestCase):
 
             def force():
                 return json.loads(daemon.ctl("status", "--json").stdout)["sensors"][0].get("force_S_N") or [0, 0, 0]
-            wait_for(lambda: -21 < (force()[2] or 0) < -18, 10, "the press of 20 N")
+            wait_for(lambda: -21 < (force()[2] or 0) < -18, "the press of 20 N")
 
     def test_a_block_one_register_beside_a_double_and_a_type_of_the_manual(self):
         address = self.slave(">f")  # the slave refuses register 99
