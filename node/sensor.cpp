@@ -29,7 +29,10 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
         low_pass_.reset();
         latency_.forget();
         jumps_.end_motion();
+        rest_begins_ = true;
+        has_rested_ = false;
     }
+    if (std::exchange(has_rested_, false)) end_rest();
     if (setup_.automatic != nullptr) take_over_method();
     if (!is_of_another_device(frame)) follow_device(frame);
 
@@ -200,6 +203,9 @@ void Sensor::take_over_method() noexcept {
     method_ = now;
     low_pass_.reset();
     latency_.forget();
+    zero_.forget_rests();
+    rest_begins_ = true;
+    has_rested_ = false;
 }
 
 void Sensor::put_method(tactiled_sample& s) const noexcept {
@@ -227,10 +233,11 @@ inline void Sensor::follow_tare(tactiled_sample& s) noexcept {
 // The error of the force is unknown if the zero of the tare is lost or unknown for this method.
 inline void Sensor::judge_zero(tactiled_sample& s) noexcept {
     if (s.quality == TACTILED_BAD) return;
+    zero_.follow(true_ns(s.t_ns));
     sd_of_model_ = wrench_of(s.sd_force_N, s.sd_torque_Nm);
     if (zero_.is_known(method_)) {
         Wrench sd = sd_of_model_;
-        if (zero_.widen(sd, true_ns(s.t_ns))) s.reasons |= TACTILED_ZERO_OLD;
+        if (zero_.widen(sd)) s.reasons |= TACTILED_ZERO_OLD;
         return put_wrench(sd, s.sd_force_N, s.sd_torque_Nm);
     }
     if (zero_.is_missing()) s.reasons |= TACTILED_ZERO_UNKNOWN;
@@ -287,30 +294,30 @@ void Sensor::judge_magnitude(tactiled_sample& s) noexcept {
 inline void Sensor::follow_rest(tactiled_sample& s) noexcept {
     constexpr auto kRestNs = std::uint64_t(ZeroError::kRest_ns);
     if ((s.state & TACTILED_CONTACT) != 0 || s.quality == TACTILED_BAD) {
-        is_resting_ = false;
+        rest_begins_ = true;
     } else if (is_confirmed(s)) {
-        if (!std::exchange(is_resting_, true)) {
+        if (std::exchange(rest_begins_, false)) {
             rest_.begin(s.t_ns, kRestNs);
             is_free_ = true;
         }
         is_free_ = is_free_ && !may_hold_ && Zero::can_be_zero(s) && zero_.tare() == Tare::none;
-        if (rest_.add(wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm), s.t_ns)) end_rest(true_ns(s.t_ns));
+        has_rested_ = rest_.add(wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm), s.t_ns);
+        rest_begins_ = has_rested_;
     }
-    if (has_drifted_) s.reasons |= TACTILED_DRIFTED;
+    if (tuning_->drift_limit_N > 0 && rest_N_ > tuning_->drift_limit_N) s.reasons |= TACTILED_DRIFTED;
 }
 
-inline void Sensor::end_rest(std::int64_t t_ns) noexcept {
-    is_resting_ = false;
+// A rest ends with the next sample, so that the zero of a sample is the one that it was published with.
+inline void Sensor::end_rest() noexcept {
     Wrench rest_S = rest_.mean_S();
     double squares = 0;
     for (std::size_t i = 0; i < 3; ++i)
         if (std::isfinite(rest_S[i])) squares += rest_S[i] * rest_S[i];
-    const double limit_N = tuning_->drift_limit_N;
-    has_drifted_ = limit_N > 0 && squares > limit_N * limit_N;
-    if (!is_free_ || rest_.has_moved(sd_of_model_)) return;
+    rest_N_ = std::sqrt(squares);
+    if (!is_free_ || may_hold_ || rest_.has_moved(sd_of_model_)) return;
     const Wrench zero = zero_S();
     for (std::size_t i = 0; i < rest_S.size(); ++i) rest_S[i] -= zero[i];
-    zero_.rest(rest_S, sd_of_model_, t_ns);
+    zero_.rest(rest_S, sd_of_model_);
 }
 
 const tactiled_sample& Sensor::compare(const tactiled_sample& others) noexcept {
@@ -353,6 +360,8 @@ void Sensor::notice_suspension(std::uint64_t now_ns) noexcept {
 void Sensor::start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept {
     daemon_epoch_ = daemon_epoch;
     stream_.start(now_ns);
+    notice_suspension(now_ns);
+    zero_.start(true_ns(now_ns));
 }
 
 void Sensor::restore_zero(const TaredZero& zero, std::int64_t age_ns, const std::optional<LastForce>& last) noexcept {
@@ -390,6 +399,9 @@ void Sensor::succeed(const Sensor& before) noexcept {
     if (setup_.temperature_of_frame == before.setup_.temperature_of_frame &&
         setup_.temperature_of_sensor == before.setup_.temperature_of_sensor)
         thermometer_.succeed(before.thermometer_);
+    suspended_ns_ = before.suspended_ns_;
+    is_started_ = before.is_started_;
+    zero_.succeed(before.zero_);
     if (before.zero_.tare_count() != 0 || before.zero_.is_lost()) zero_.lose();
     if (before.zero_.is_doubted()) zero_.doubt();
     set(before.requested_);

@@ -167,10 +167,11 @@ public:
     // that run, or marks that tare as lost. Before the first sample. setup
     void restore_zero(const TaredZero& zero, std::int64_t age_ns, const std::optional<LastForce>& last) noexcept;
     void lose_zero() noexcept { zero_.lose(); }
-    // Returns the zero that was subtracted from the raw wrench of the last sample.
+    // Returns the zero that was subtracted from the raw wrench of the last sample, from its publication to the next sample.
     [[nodiscard]] Wrench zero_S() const noexcept { return zero_.of(method_); }
     // An object may be held, so that no reading is a free rest. rt: wait-free
     void may_hold(bool may) noexcept { may_hold_ = may; }
+    [[nodiscard]] bool may_hold() const noexcept { return may_hold_; }
 
 private:
     // Detects a suspension. CLOCK_MONOTONIC stops during a suspension, so that all waiting data would seem to be new.
@@ -199,7 +200,7 @@ private:
     void put_tared(tactiled_sample& sample) noexcept;
     void judge_magnitude(tactiled_sample& sample) noexcept;
     inline void follow_rest(tactiled_sample& sample) noexcept;
-    inline void end_rest(std::int64_t t_ns) noexcept;
+    inline void end_rest() noexcept;
     // Returns a sample's time with the time in which the machine was suspended.
     [[nodiscard]] std::int64_t true_ns(std::uint64_t t_ns) const noexcept { return std::int64_t(t_ns + suspended_ns_); }
     void set_delay() noexcept {
@@ -218,12 +219,13 @@ private:
     bool may_be_another_ = false;  // the device may have started again or been exchanged since the last confirmed sample
     Agreement agreement_;
     Zero zero_;
-    TareWindow rest_;           // the last samples without contact
-    bool is_resting_ = false;   // rest_ has begun
-    bool is_free_ = false;      // it may show the zero
-    bool may_hold_ = false;     // an object may be held
-    bool has_drifted_ = false;  // the last rest was farther than drift_limit_N from the zero of the calibration
-    Wrench sd_of_model_{};      // of the last sample, without its zero
+    TareWindow rest_;          // the last samples without contact
+    bool rest_begins_ = true;  // with the next sample without contact
+    bool has_rested_ = false;  // rest_ is complete
+    bool is_free_ = false;     // it may show the zero
+    bool may_hold_ = false;    // an object may be held
+    double rest_N_ = 0;        // magnitude of the last rest's mean, before the tare
+    Wrench sd_of_model_{};     // of the last sample, without its zero
     Thermometer thermometer_;
     std::size_t method_ = 0;  // method "auto": method of zero_S() and low_pass_; else 0
     LowPass low_pass_;

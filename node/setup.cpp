@@ -351,8 +351,9 @@ ZeroError::Rates zero_rates(const Calibration& calibration) {
         const std::size_t c = component_index(calibration.components[i]);
         if (i < per_h.size()) rates.per_s[c] = per_h[i] / kHour_s;
         if (i < calibration.zero_shift.size()) rates.shift[c] = calibration.zero_shift[i];
-        if (i < calibration.full_scale.size() && i < calibration.sd.size())
-            rates.limit[c] = std::max(kCounts * calibration.full_scale[i], kMain * calibration.sd[i]);
+        if (i < calibration.sd.size())
+            rates.limit[c] = std::max(kMain * calibration.sd[i],
+                                      i < calibration.full_scale.size() ? kCounts * calibration.full_scale[i] : 0);
     }
     return rates;
 }

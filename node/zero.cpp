@@ -10,8 +10,6 @@ namespace {
 constexpr std::uint32_t kOtherMayHave = TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
 // in addition to the averaging time; the tare of a slow or stopped sensor then fails
 constexpr std::uint64_t kPatienceNs = 2'000'000'000;
-// A zero may have drifted by this many of its standard deviations beyond the limit of a new zero.
-constexpr double kDrifted = 3;
 
 // The zero of a component that the sensor does not measure is 0.
 Wrench seen_or_0(const Wrench& wrench) noexcept {
@@ -38,7 +36,7 @@ void Zero::begin_removal(bool is_delivering) noexcept {
     of_method_ = {};
     unknown_ = to_find_ = tare_count_ = 0;
     is_lost_ = is_doubted_ = false;
-    error_.know();
+    error_.know(begun_ns_);
     tare_ = is_delivering ? Tare::removing : Tare::done;
 }
 
@@ -71,7 +69,7 @@ bool Zero::advance(const tactiled_sample& s, std::span<const double> channel, st
     unknown_ = to_find_ | (is_unsure_ ? 1u << method : 0u);
     end_ns_ = s.t_ns;
     is_lost_ = is_doubted_ = false;
-    error_.know();
+    error_.know(now_ns_);
     ++tare_count_;
     return true;
 }
@@ -80,16 +78,17 @@ bool Zero::advance(const tactiled_sample& s, std::span<const double> channel, st
 Tare Zero::verdict(const tactiled_sample& last) const noexcept {
     if (window_.has_moved(wrench_of(last.sd_force_N, last.sd_torque_Nm))) return Tare::moved;
     const Wrench mean = window_.mean_S();
-    double squares = 0, variance = 0;
+    const std::int64_t age_ns = now_ns_ - begun_ns_;  // the limits are those of a drift from the calibration's zero, too
+    double squares = 0, reach_N = 0;
     for (std::size_t i = 0; i < 3; ++i) {
         if (!std::isfinite(mean[i])) continue;
         squares += mean[i] * mean[i];
-        const double limit_N = tuning_->tare_limit_of_component_N[i], sd_N = error_.sd(i);
-        variance += sd_N * sd_N;
-        if (limit_N > 0 && std::abs(mean[i]) > limit_N + kDrifted * sd_N) return Tare::loaded;
+        const double limit_N = tuning_->tare_limit_of_component_N[i], of_drift_N = error_.reach(i, age_ns);
+        reach_N += of_drift_N;
+        if (limit_N > 0 && std::abs(mean[i]) > limit_N + of_drift_N) return Tare::loaded;
     }
     const double max_N = tuning_->tare_limit_of_magnitude_N;
-    return max_N > 0 && std::sqrt(squares) > max_N + kDrifted * std::sqrt(variance) ? Tare::loaded : Tare::done;
+    return max_N > 0 && std::sqrt(squares) > max_N + reach_N ? Tare::loaded : Tare::done;
 }
 
 void Zero::lose() noexcept {
@@ -100,7 +99,7 @@ void Zero::lose() noexcept {
 }
 
 void Zero::restore(const TaredZero& zero, std::int64_t age_ns) noexcept {
-    error_.know(age_ns);
+    restored_age_ns_ = age_ns;
     tare_count_ = zero.tare_count;
     unknown_ = zero.unknown;
     of_method_ = zero.of_method;

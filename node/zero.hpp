@@ -79,25 +79,33 @@ public:
     [[nodiscard]] bool is_known(std::size_t method) const noexcept {
         return (unknown_ >> method & 1u) == 0 && !is_missing();
     }
-    // Adds the standard deviation of the zero to that of a force. Returns true if the zero is old. rt: wait-free
-    [[nodiscard]] bool widen(Wrench& sd, std::int64_t t_ns) noexcept {
-        error_.follow(t_ns, has_shifted());
-        return error_.widen(sd);
+    // The sensor begins, `t_ns` by the clock of the functions below. A restored tare is as old as it was. rt: wait-free
+    void start(std::int64_t t_ns) noexcept {
+        begun_ns_ = now_ns_ = t_ns;
+        error_.know(t_ns - restored_age_ns_);
     }
+    // Continues with the age of the calibration's zero in `before`. rt: wait-free
+    void succeed(const Zero& before) noexcept { start(before.begun_ns_); }
+    // rt: wait-free
+    void follow(std::int64_t t_ns) noexcept { error_.follow(now_ns_ = t_ns, knows_shift_ && has_shifted()); }
+    // Adds the standard deviation of the zero to that of a force. Returns true if the zero is old. rt: wait-free
+    [[nodiscard]] bool widen(Wrench& sd) const noexcept { return error_.widen(sd); }
     // Takes the mean force of a free rest, after the zero, and the standard deviation of a force there. rt: wait-free
-    void rest(const Wrench& force_S, const Wrench& sd, std::int64_t t_ns) noexcept { error_.rest(force_S, sd, t_ns); }
+    void rest(const Wrench& force_S, const Wrench& sd) noexcept {
+        if (!is_missing() && !has_shifted()) error_.rest(force_S, sd, now_ns_);
+    }
+    // Another method computes the force. rt: wait-free
+    void forget_rests() noexcept { error_.forget_rests(); }
     [[nodiscard]] bool has_more_to_find() const noexcept { return to_find_ != 0; }
     // Returns the number of finished tares since the last removal.
     [[nodiscard]] std::uint32_t tare_count() const noexcept { return tare_count_; }
 
     // True if a tare was in force whose zero is lost. No method then has a known zero until the next tare or removal.
     [[nodiscard]] bool is_lost() const noexcept { return is_lost_; }
-    // True if the device may have another zero than the one in use. rt: wait-free
-    [[nodiscard]] bool has_shifted() const noexcept { return is_doubted() || (needs_tare_ && tare_count_ == 0); }
-    // True if no method has a known zero until the next tare: it may have shifted by an unknown amount. rt: wait-free
-    [[nodiscard]] bool is_missing() const noexcept {
-        return is_lost_ || (has_shifted() && (!knows_shift_ || tuning_->forgets_zero));
-    }
+    // True if the mounting may have another zero than the calibration. rt: wait-free
+    [[nodiscard]] bool has_shifted() const noexcept { return needs_tare_ && tare_count_ == 0; }
+    // True if no method has a known zero until the next tare. rt: wait-free
+    [[nodiscard]] bool is_missing() const noexcept { return is_lost_ || is_doubted() || (has_shifted() && !knows_shift_); }
     // The device may have another zero until the next tare or removal. rt: wait-free
     void doubt() noexcept { is_doubted_ = true; }
     [[nodiscard]] bool is_doubted() const noexcept { return is_doubted_ && tuning_->doubts_zero; }
@@ -115,6 +123,7 @@ private:
     bool needs_tare_, knows_shift_;
     ZeroError error_;
     std::array<Wrench, MethodChoice::kMax> of_method_{};
+    std::int64_t begun_ns_ = 0, now_ns_ = 0, restored_age_ns_ = 0;
     std::uint32_t unknown_ = 0;  // bit i: the zero of method i is unknown
     std::uint32_t to_find_ = 0;  // bit i: method i needs its zero from the mean of the last tare
     std::uint32_t tare_count_ = 0;

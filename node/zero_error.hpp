@@ -39,33 +39,40 @@ public:
     };
     explicit ZeroError(const Rates& rates) noexcept : rates_(rates) {}
 
-    // The zero was known `age_ns` before the next time. rt: wait-free
-    void know(std::int64_t age_ns = 0) noexcept {
-        age_ns_ = age_ns;
-        is_new_ = true;
-        hidden_ = moved_ = variance_ = {};
+    // The zero was known at `known_ns`: that of the calibration when the sensor began, that of a tare when it was measured.
+    // rt: wait-free
+    void know(std::int64_t known_ns) noexcept {
+        known_ns_ = known_ns;
+        forget_rests();
     }
-    // Follows the time; `is_shifted`: the device may have another zero. rt: wait-free
+    // Another method computes the force: its zero has not moved as far. rt: wait-free
+    void forget_rests() noexcept {
+        since_ns_.fill(known_ns_);
+        hidden_ = moved_ = {};
+        next_ns_ = std::numeric_limits<std::int64_t>::min();
+    }
+    // Follows the time; `is_shifted`: the mounting may have another zero, of which the calibration states how far. rt:
+    // wait-free
     void follow(std::int64_t t_ns, bool is_shifted) noexcept {
-        if (is_new_) since_ns_.fill(tared_ns_ = t_ns - age_ns_);
-        if (!is_new_ && is_shifted == is_shifted_ && t_ns < next_ns_) return;
-        is_new_ = false;
+        if (is_shifted == is_shifted_ && t_ns < next_ns_) return;
         is_shifted_ = is_shifted;
         next_ns_ = t_ns + kRest_ns;  // rates are slow
         for (std::size_t i = 0; i < variance_.size(); ++i)
-            variance_[i] =
-                hidden_[i] + square(moved_[i] / kSure) + grown(i, t_ns) + (is_shifted ? square(rates_.shift[i]) : 0);
+            variance_[i] = hidden_[i] + square(moved_[i] / kSure) + square(drift(i, t_ns - since_ns_[i])) +
+                           (is_shifted ? square(rates_.shift[i]) : 0);
     }
     // Takes the mean force of a free rest, after the zero in use, and the standard deviation of a force there; NaN: not
-    // measured. A component beyond its standard deviation may be a load, so that the rest shows nothing. No component moves
-    // by more than 3 sd of its drift. rt: wait-free
+    // measured. A component beyond both this and what the rest before hid may be a load, so that the rest shows nothing. No
+    // component moves by more than 3 sd of its drift. rt: wait-free
     void rest(const Wrench& force_S, const Wrench& sd, std::int64_t t_ns) noexcept {
         for (std::size_t i = 0; i < sd.size(); ++i)
-            if (is_shifted_ || (!std::isnan(force_S[i]) && !(std::abs(force_S[i]) <= sd[i]))) return;
+            if (is_shifted_ || square(force_S[i]) > square(sd[i]) + hidden_[i] ||
+                std::isnan(sd[i]) != std::isnan(force_S[i]))
+                return;
         for (std::size_t i = 0; i < sd.size(); ++i) {
-            const double drift = rates_.per_s[i] * seconds(t_ns - tared_ns_), load = square(sd[i]);
-            const double part = square(drift) / (square(drift) + load), moved = part * (moved_[i] + force_S[i]);
-            if (!(std::abs(moved) <= kSure * drift)) continue;
+            const double drifted = drift(i, t_ns - known_ns_), load = square(sd[i]);
+            const double part = square(drifted) / (square(drifted) + load), moved = part * (moved_[i] + force_S[i]);
+            if (!(std::abs(moved) <= kSure * drifted)) continue;
             hidden_[i] = part * load;
             moved_[i] = moved;
             since_ns_[i] = next_ns_ = t_ns;
@@ -73,7 +80,10 @@ public:
     }
 
     [[nodiscard]] const Wrench& moved_S() const noexcept { return moved_; }
-    [[nodiscard]] double sd(std::size_t component) const noexcept { return std::sqrt(variance_[component]); }
+    // How far the zero may be from where it was `age_ns` ago, and still be that of this sensor.
+    [[nodiscard]] double reach(std::size_t component, std::int64_t age_ns) const noexcept {
+        return std::min(kSure * drift(component, age_ns), rates_.limit[component]);
+    }
     // Adds the zero's to the standard deviation of a force. Returns true if the zero is old. rt: wait-free
     [[nodiscard]] bool widen(Wrench& sd) const noexcept {
         bool is_old = false;
@@ -90,14 +100,12 @@ public:
 private:
     static constexpr double kSure = 3;  // standard deviations
     [[nodiscard]] static constexpr double square(double x) noexcept { return x * x; }
-    [[nodiscard]] static constexpr double seconds(std::int64_t ns) noexcept { return double(ns) * 1e-9; }
-    [[nodiscard]] double grown(std::size_t i, std::int64_t t_ns) const noexcept {
-        return square(rates_.per_s[i] * seconds(t_ns - since_ns_[i]));
-    }
+    // Returns the standard deviation of a drift for this time.
+    [[nodiscard]] double drift(std::size_t i, std::int64_t ns) const noexcept { return rates_.per_s[i] * double(ns) * 1e-9; }
 
     Rates rates_;
-    std::int64_t age_ns_ = 0, tared_ns_ = 0, next_ns_ = 0;
-    bool is_new_ = true, is_shifted_ = false;
+    std::int64_t known_ns_ = 0, next_ns_ = std::numeric_limits<std::int64_t>::min();
+    bool is_shifted_ = false;
     std::array<std::int64_t, std::tuple_size_v<Wrench>> since_ns_{};
     Wrench hidden_{}, moved_{}, variance_{};
 };

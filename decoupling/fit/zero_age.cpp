@@ -104,48 +104,73 @@ std::optional<double> slope_of(const Unloaded& session, std::size_t k, bool at_r
     return std::abs(slope) > kSure * error ? slope : 0;
 }
 
-// Returns the standard deviation of each component if each channel moves by its own, independently of the others.
-std::vector<double> moved_by(const std::vector<double>& channel_sd, const Calibration& calibration, const Rows& rows) {
+// Returns what these changes of the channels do to each component: the root of the sum of their squared effects, which are
+// means over some of the rows.
+std::vector<double> effect_of(const std::vector<std::vector<double>>& changes, const Calibration& calibration,
+                              const Rows& rows) {
     const auto decoupler = make_decoupler(calibration);
-    Wrench squares{};
-    double tried = 0;
-    for (std::size_t i = 0; i < rows.size(); i += 1 + rows.size() / kTried, ++tried) {
-        const Wrench before = error_of(*decoupler, *rows[i]);
-        for (std::size_t k = 0; k < channel_sd.size(); ++k) {
-            LabelledRow moved = *rows[i];
-            moved.channel[k] += channel_sd[k];
-            const Wrench after = error_of(*decoupler, moved);
-            for (std::size_t c = 0; c < after.size(); ++c) squares[c] += (after[c] - before[c]) * (after[c] - before[c]);
+    const auto force_of = [&](const std::vector<double>& channel) {
+        decoupler->forget();
+        return decoupler->decouple({.channel = channel}).wrench_S;
+    };
+    std::vector<double> squares(calibration.components.size()), tried(squares.size());
+    for (std::size_t i = 0; i < rows.size(); i += 1 + rows.size() / kTried) {
+        const Wrench before = force_of(rows[i]->channel);
+        for (const std::vector<double>& change : changes) {
+            std::vector<double> channel = rows[i]->channel;
+            for (std::size_t k = 0; k < channel.size(); ++k) channel[k] += change[k];
+            const Wrench after = force_of(channel);
+            for (std::size_t c = 0; c < squares.size(); ++c) {
+                const std::size_t at = component_index(calibration.components[c]);
+                if (!std::isfinite(after[at] - before[at])) continue;
+                squares[c] += (after[at] - before[at]) * (after[at] - before[at]);
+                tried[c] += 1 / double(changes.size());
+            }
         }
     }
-    std::vector<double> sd;
-    for (const std::string& component : calibration.components)
-        sd.push_back(std::sqrt(squares[component_index(component)] / tried));
-    if (std::any_of(sd.begin(), sd.end(), [](double x) { return !std::isfinite(x); })) sd.clear();
-    return sd;
+    for (std::size_t c = 0; c < squares.size(); ++c) squares[c] = tried[c] > 0 ? std::sqrt(squares[c] / tried[c]) : 0;
+    return squares;
+}
+
+// Returns the standard deviation of each component for zeros that move like those of the sessions, or with each channel by
+// as much independently of the others, whichever is more: spare channels hide the one or the other from a fit.
+std::vector<double> moved_like(const std::vector<std::vector<double>>& sessions, const Calibration& calibration,
+                               const Rows& rows) {
+    if (sessions.empty()) return std::vector<double>(calibration.components.size());
+    const double n = double(sessions.size());
+    std::vector<double> together = effect_of(sessions, calibration, rows);
+    std::vector<std::vector<double>> alone;
+    for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
+        double squares = 0;
+        for (const std::vector<double>& session : sessions) squares += session[k] * session[k];
+        alone.emplace_back(calibration.channels.size())[k] = std::sqrt(squares / n);
+    }
+    const std::vector<double> independent = effect_of(alone, calibration, rows);
+    for (std::size_t c = 0; c < together.size(); ++c) together[c] = std::max(together[c] / std::sqrt(n), independent[c]);
+    return together;
 }
 
 }  // namespace
 
 void set_zero_age(const Rows& rows, const SessionZeros& zeros, Calibration& calibration,
                   std::vector<std::string>& warnings) {
-    const auto sessions = std::size_t(
-        std::count_if(zeros.offset.begin(), zeros.offset.end(), [](const auto& offset) { return !offset.empty(); }));
-    if (!zeros.sd.empty() && sessions >= kSessions) {
-        std::vector<double> scatter = zeros.sd;  // of a new session around the mean of these
-        for (double& each : scatter) each *= std::sqrt(1 + 1 / double(sessions));
-        calibration.zero_shift = moved_by(scatter, calibration, rows);
+    std::vector<std::vector<double>> offsets;
+    for (const std::vector<double>& offset : zeros.offset)
+        if (!offset.empty()) offsets.push_back(offset);
+    if (const auto n = double(offsets.size()); !zeros.sd.empty() && offsets.size() >= kSessions) {
+        // of a new session around the mean of these
+        calibration.zero_shift = moved_like(offsets, calibration, rows);
+        for (double& each : calibration.zero_shift) each *= std::sqrt(n / (n - 1) * (1 + 1 / n));
     }
     if (calibration.sd.empty()) return;
-    std::vector<double> drift(calibration.channels.size());
-    const std::vector<Unloaded> of_session = unloaded(calibration, rows);
-    for (std::size_t k = 0; k < drift.size(); ++k) {
-        double squares = 0, n = 0;
-        for (const Unloaded& session : of_session)
-            if (const auto slope = slope_of(session, k, true)) squares += *slope * *slope, ++n;
-        if (n > 0) drift[k] = std::sqrt(squares / n);
+    std::vector<std::vector<double>> drifts;  // of the sessions in which one is sure
+    for (const Unloaded& session : unloaded(calibration, rows)) {
+        std::vector<double> drift;
+        for (std::size_t k = 0; k < calibration.channels.size(); ++k)
+            drift.push_back(slope_of(session, k, true).value_or(0));
+        if (std::any_of(drift.begin(), drift.end(), [](double x) { return x != 0; })) drifts.push_back(std::move(drift));
     }
-    const std::vector<double> seen = moved_by(drift, calibration, rows);
+    const std::vector<double> seen = moved_like(drifts, calibration, rows);
     for (std::size_t i = 0; i < seen.size(); ++i) {
         if (!(seen[i] > calibration.sd[i])) continue;
         if (calibration.zero_rate_per_h.empty()) calibration.zero_rate_per_h = calibration.sd;

@@ -106,9 +106,7 @@ void Tool::sample(std::size_t index, const Sample& sample) noexcept {
     if (index >= sensors_.size()) return;
     Sensor& sensor = sensors_[index];
     if (sample.taring && !sensor.last.taring) sensor.changes_before = gravity_changes_;
-    const bool another_tare =
-        sample.tare_count != sensor.last.tare_count || (sample.tare_count != 0 && sample.tare_S != sensor.last.tare_S);
-    if (sample.tare_count != 0 && (!sensor.seen || another_tare)) {
+    if (sample.tare_count != 0 && (!sensor.seen || sample.tare_count != sensor.last.tare_count)) {
         const bool measured = sensor.seen && sensor.last.taring && sensor.changes_before == gravity_changes_;
         const bool assumed = !gravity_told_;  // a hand whose configured orientation does not change
         sensor.tare_gravity_G = gravity_known_ && (measured || assumed) ? gravity_G_ : Vector{kNaN, kNaN, kNaN};

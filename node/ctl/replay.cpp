@@ -41,11 +41,12 @@ bool same(const double* a, const double* b, std::size_t n) { return std::memcmp(
 // Returns "" or the first part that differs. `raw_only`: the input of a tare or a filter is not in the file.
 // `from_the_start`: else the noise that the sd takes into account was measured on frames before those of the file.
 std::string difference(const tactiled_sample& was, const tactiled_sample& is, bool raw_only, bool from_the_start) {
-    // A restart that has lost the tare is not repeated here, nor is the tare that a calibration needs.
-    const bool zero_lost = ((was.reasons | is.reasons) & TACTILED_ZERO_UNKNOWN) != 0;
+    // A restart that has lost the tare is not repeated here, nor is the tare that a calibration needs, nor the age of a
+    // zero.
+    const bool zero_lost = ((was.reasons | is.reasons) & (TACTILED_ZERO_UNKNOWN | TACTILED_ZERO_OLD)) != 0;
     const std::uint32_t of_the_moment = TACTILED_TARING | TACTILED_WRONG_RATE | TACTILED_DRIFTED | TACTILED_SENSORS_DIFFER |
-                                        TACTILED_UNPROVED_AGE | TACTILED_ARRIVAL_ONLY | TACTILED_ZERO_UNKNOWN | TACTILED_ZERO_OLD |
-                                        (zero_lost ? std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY) : 0u);
+                                        TACTILED_UNPROVED_AGE | TACTILED_ARRIVAL_ONLY | TACTILED_ZERO_UNKNOWN |
+                                        TACTILED_ZERO_OLD | (zero_lost ? std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY) : 0u);
     // The motion before the file is not known here, nor how many values have left it.
     const std::uint32_t of_the_past = from_the_start ? 0u : std::uint32_t(TACTILED_STEPPED | TACTILED_GLITCHES);
     // the frame was too late; a recording does not contain that of a frame
@@ -58,8 +59,7 @@ std::string difference(const tactiled_sample& was, const tactiled_sample& is, bo
     if (was.missing != is.missing || was.saturated != is.saturated) return "channels";
     if (!same(was.raw_force_S_N, is.raw_force_S_N, 3)) return "raw_force_S_N";
     if (!same(was.raw_torque_S_Nm, is.raw_torque_S_Nm, 3)) return "raw_torque_S_Nm";
-    // The age of a tare is not in the file.
-    if (from_the_start && !zero_lost && was.tare_count == 0 &&
+    if (from_the_start && !zero_lost && was.tare_count == 0 &&  // the age of a tare is not in the file
         (!same(was.sd_force_N, is.sd_force_N, 3) || !same(was.sd_torque_Nm, is.sd_torque_Nm, 3)))
         return "sd";
     if (!same(was.cop_S_m, is.cop_S_m, 2)) return "cop_S_m";
@@ -181,9 +181,10 @@ private:
         if (!was) return;
         last_epoch_[i] = was->epoch;
         ++outcome.compared;
-        const bool from_the_start = published.from_the_start(i);
+        // Free rests before the file, and those that a grasp did not permit, are not repeated here: they move the zero.
+        const bool from_the_start = published.from_the_start(i) && !node_.grasp;
         if (!from_the_start) ++outcome.without_sd;
-        const bool raw_only = was->tare_count != 0 || (!from_the_start && (was->state & TACTILED_LOW_PASS) != 0);
+        const bool raw_only = was->tare_count != 0 || !from_the_start;
         const std::string what = difference(*was, is, raw_only, from_the_start);
         if (what.empty() && raw_only) ++outcome.raw_only;
         if (what.empty())

@@ -103,7 +103,8 @@ Count measure(Made made, const Case& of, const Calibration& calibration, bool ag
     Sensor sensor(std::move(setup));
     sensor.start(1, 0);
     std::array<double, 3> held = made.load(), standing{};
-    for (std::size_t c = 0; c < 3; ++c) standing[c] = of.load * calibration.sd[c] * (c == made.random()() % 3 ? 1 : 0);
+    const std::size_t axis = made.random()() % 3;
+    standing[axis] = of.load * calibration.sd[axis];
     Frame frame;
     frame.n_channels = std::uint8_t(calibration.channels.size());
     const int n_tare = int(10 * kRate_Hz);

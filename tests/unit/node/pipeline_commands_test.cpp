@@ -231,6 +231,7 @@ TEST_F(PipelineTest, TheGraspIsPublishedWithTheFrameAndUnknownOnceAJawIsSilent) 
     auto s = look();
     EXPECT_EQ(s.node.grasp.state, unsigned(TACTILED_GRIP_OPEN));
     EXPECT_EQ(s.node.grasp.t_ns, s.sensor[0].t_ns);
+    EXPECT_FALSE(sensors_[0].may_hold());
     for (int i = 0; i < 101; ++i) {  // longer than stale_ns
         send(0, 0.01);
         acquire_all(0);
@@ -239,6 +240,7 @@ TEST_F(PipelineTest, TheGraspIsPublishedWithTheFrameAndUnknownOnceAJawIsSilent) 
     s = look();
     EXPECT_EQ(s.sensor[0].quality, unsigned(TACTILED_GOOD));
     EXPECT_EQ(s.node.grasp.state, unsigned(TACTILED_GRIP_UNKNOWN));
+    EXPECT_TRUE(sensors_[0].may_hold()) << "no reading is a free rest now";
 }
 
 }  // namespace

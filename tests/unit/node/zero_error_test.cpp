@@ -33,13 +33,14 @@ double sd_of(ZeroError& error, std::int64_t t_ns, bool shifted = false) {
 
 TEST(ZeroError, GrowsWithTheTimeSinceTheTare) {
     ZeroError error(rates(0.2));
+    error.know(kHourNs);
     EXPECT_EQ(sd_of(error, kHourNs), 0);
     EXPECT_NEAR(sd_of(error, 2 * kHourNs), 0.2, 1e-12);
     EXPECT_NEAR(sd_of(error, 4 * kHourNs), 0.6, 1e-12);
-    error.know();
+    error.know(5 * kHourNs);
     EXPECT_EQ(sd_of(error, 5 * kHourNs), 0);
-    error.know(3 * kHourNs);  // of an earlier run
-    EXPECT_NEAR(sd_of(error, 6 * kHourNs), 0.6, 1e-12);
+    error.know(2 * kHourNs);  // of an earlier run
+    EXPECT_NEAR(sd_of(error, 5 * kHourNs), 0.6, 1e-12);
 }
 
 TEST(ZeroError, IsOldBeyondItsLimit) {
@@ -91,7 +92,7 @@ TEST(ZeroError, AShiftStaysUntilTheNextTareWhateverRests) {
     EXPECT_NEAR(sd_of(error, 0, true), 0.5, 1e-12);
     error.rest(fz(0), kSd, kHourNs);
     EXPECT_NEAR(sd_of(error, kHourNs, true), std::hypot(0.5, 0.2), 1e-12);
-    error.know();
+    error.know(2 * kHourNs);
     EXPECT_EQ(sd_of(error, 2 * kHourNs), 0);
 }
 
@@ -159,6 +160,11 @@ public:
         }
         return s;
     }
+    void interrupt() {
+        t_ns_ += 200 * kMs;
+        ASSERT_TRUE(sensor_.has_discontinuity(true, t_ns_));
+        (void)sensor_.marker(t_ns_);
+    }
     Sensor& sensor() { return sensor_; }
     std::uint64_t now() const { return t_ns_; }
 
@@ -200,19 +206,69 @@ TEST(SensorRest, AZeroThatIsOldIsUncertainUntilATareAndMayBeTared) {
     EXPECT_EQ(drifting.sensor().last().force_S_N[2], 0);
 }
 
+TEST(SensorRest, ZerosOfRemovedTaresAreAsOldAsTheSensor) {
+    Drifting drifting;
+    (void)drifting.send(-5, 100);
+    drifting.sensor().begin_tare(drifting.now());
+    (void)drifting.send(-5, 1);
+    EXPECT_LT(drifting.sensor().last().sd_force_N[2], 1.1 * Through::kSd_N);
+    drifting.sensor().begin_untare();
+    EXPECT_GT(drifting.send(-5, 2).sd_force_N[2], 1.5 * Through::kSd_N);
+}
+
+TEST(SensorRest, OfAnInterruptedStreamIsNone) {
+    Drifting drifting;
+    const double small_N = Through::kSd_N / 2;
+    for (int i = 0; i < 100; ++i) {
+        (void)drifting.send(small_N, 0.8);
+        drifting.interrupt();
+    }
+    EXPECT_NEAR(drifting.send(small_N, 0.1).force_S_N[2], small_N, 1e-12);
+}
+
+class Mounted {
+public:
+    Mounted() : sensor_(made()) { (void)send(-1); }
+    static Sensor made() {
+        Sensor::Setup setup;
+        setup.channel_of_frame = {0, 1, 2};
+        setup.frame_channels = 3;
+        setup.needs_tare = true;
+        setup.zero.shift = {0.3, 0.3, 0.3, 0, 0, 0};
+        setup.decoupler = std::make_unique<Through>(100, Through::kSd_N);
+        Sensor sensor(std::move(setup));
+        sensor.start(7, 0);
+        return sensor;
+    }
+    tactiled_sample send(double fz_N) {
+        t_ns_ += kMs;
+        Frame f = frame(t_ns_, 0, 0, fz_N);
+        f.has_sequence = true;
+        f.sequence = number_++;
+        return sensor_.sample(f, t_ns_);
+    }
+    void restart() { number_ = 0; }
+
+private:
+    Sensor sensor_;
+    std::uint64_t t_ns_ = 0;
+    std::uint32_t number_ = 60'000;
+};
+
 TEST(SensorRest, AShiftThatTheCalibrationKnowsIsInTheStandardDeviation) {
-    Sensor::Setup setup;
-    setup.channel_of_frame = {0, 1, 2};
-    setup.frame_channels = 3;
-    setup.needs_tare = true;
-    setup.zero.shift = {0.3, 0.3, 0.3, 0, 0, 0};
-    setup.decoupler = std::make_unique<Through>(100, Through::kSd_N);
-    Sensor sensor(std::move(setup));
-    sensor.start(7, 0);
-    (void)sensor.sample(frame(kMs, 0, 0, -1), kMs);
-    const tactiled_sample s = sensor.sample(frame(2 * kMs, 0, 0, -1), 2 * kMs);
+    Mounted mounted;
+    const tactiled_sample s = mounted.send(-1);
     EXPECT_EQ(s.reasons, 0u);
     EXPECT_NEAR(s.sd_force_N[2], std::hypot(0.3, Through::kSd_N), 1e-9);
+}
+
+// The sessions of the calibration do not show what zero a device takes for itself.
+TEST(SensorRest, ADeviceThatStartsAgainMayShiftFurther) {
+    Mounted mounted;
+    for (int i = 0; i < 2000; ++i) (void)mounted.send(-5);
+    mounted.restart();
+    for (int i = 0; i < 5; ++i) (void)mounted.send(0);
+    EXPECT_NE(mounted.send(0).reasons & TACTILED_ZERO_UNKNOWN, 0u);
 }
 
 }  // namespace
