@@ -53,7 +53,7 @@ public:
         int serial_of_frame = -1;  // channel of a frame with the number of the device; -1: none
         double serial = 0;         // number of the calibrated device
         bool needs_tare = false;   // each session of the calibration had a zero of its own
-        ZeroError::Rates zero;     // how the calibration's zero ages
+        ZeroError::Rates zero;     // ageing of the calibration's zero
         Tuning tuning;
         std::unique_ptr<Decoupler> decoupler;
         AutoMethod* automatic = nullptr;                 // the decoupler, if it is method "auto"
@@ -225,7 +225,7 @@ private:
     bool is_free_ = false;     // it may show the zero
     bool may_hold_ = false;    // an object may be held
     double rest_N_ = 0;        // magnitude of the last rest's mean, before the tare
-    Wrench sd_of_model_{};     // of the last sample, without its zero
+    Wrench sd_of_model_{};     // without that of the zero, in the last sample
     Thermometer thermometer_;
     std::size_t method_ = 0;  // method "auto": method of zero_S() and low_pass_; else 0
     LowPass low_pass_;

@@ -25,8 +25,8 @@ struct Node {
     bool simulated = false;  // a link has simulated data
 };
 
-// How the zero of a calibration ages. A rate that calibrate has not seen is the standard deviation of the force in each
-// hour. A zero is old when it is the main error of the force, and one that counts.
+// Returns the ageing of a calibration's zero. A rate that calibrate has not seen is the standard deviation of the force in
+// each hour. A zero is old when it is the main error of the force, and one that counts.
 ZeroError::Rates zero_rates(const Calibration& calibration);
 
 // Reads the configuration, every driver's and model's keys and every calibration. All errors go to `problems`; with

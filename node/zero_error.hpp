@@ -1,5 +1,5 @@
 // The standard deviation of the zero in use. It grows from the time when the zero was last known, as the dispersion of a
-// clock does, and free rests bound it. Of each component, in N or Nm:
+// clock does, and free rests bound it. For each component, in N or Nm:
 //
 //   variance = hidden + (moved / 3)^2 + (rate t)^2 + shift^2
 //
@@ -7,7 +7,7 @@
 //   rate    what calibrate has seen (zero_rate_per_h), else the standard deviation of the force in each hour
 //   hidden  0 after a tare; K sd^2 after a free rest
 //   moved   K Y, by which free rests have moved the zero since the tare; all of it may be a load that grows slowly
-//   shift   zero_shift of the calibration, while device or mounting may have another zero
+//   shift   zero_shift of the calibration, until the first tare of one whose sessions had zeros of their own
 //
 // The mean Y of a free rest, relative to the tare, is a drift with the variance P = (rate time since the tare)^2 plus a
 // light load of the sensor's own standard deviation sd, so that K = P / (P + sd^2) of it is drift. Rests do not add up,
@@ -27,7 +27,7 @@ namespace tactiled {
 
 class ZeroError {
 public:
-    // What the calibration states: N/s or Nm/s, N or Nm. shift: NaN = unknown. limit: the largest standard deviation of a
+    // The calibration's, in N/s or Nm/s, N or Nm. shift: NaN = unknown. limit: the largest standard deviation of a
     // zero that is not old.
     struct Rates {
         static constexpr double kNever = std::numeric_limits<double>::infinity();
@@ -80,7 +80,7 @@ public:
     }
 
     [[nodiscard]] const Wrench& moved_S() const noexcept { return moved_; }
-    // How far the zero may be from where it was `age_ns` ago, and still be that of this sensor.
+    // Returns the farthest drift in this time that is still taken for one, in N or Nm.
     [[nodiscard]] double reach(std::size_t component, std::int64_t age_ns) const noexcept {
         return std::min(kSure * drift(component, age_ns), rates_.limit[component]);
     }

@@ -18,7 +18,7 @@ namespace tactiled {
 namespace {
 
 constexpr double kHour_s = 3600;
-constexpr std::size_t kParts = 20;  // of a session: their means depend little on each other
+constexpr std::size_t kParts = 20;  // in a session: their means depend little on each other
 constexpr std::size_t kFewestParts = 10;
 constexpr double kSure = 4;           // standard errors of a slope: once in 1000 by chance
 constexpr std::size_t kSessions = 5;  // fewer do not show a standard deviation
@@ -158,12 +158,12 @@ void set_zero_age(const Rows& rows, const SessionZeros& zeros, Calibration& cali
     for (const std::vector<double>& offset : zeros.offset)
         if (!offset.empty()) offsets.push_back(offset);
     if (const auto n = double(offsets.size()); !zeros.sd.empty() && offsets.size() >= kSessions) {
-        // of a new session around the mean of these
+        // a new session is as far from the mean of these
         calibration.zero_shift = moved_like(offsets, calibration, rows);
         for (double& each : calibration.zero_shift) each *= std::sqrt(n / (n - 1) * (1 + 1 / n));
     }
     if (calibration.sd.empty()) return;
-    std::vector<std::vector<double>> drifts;  // of the sessions in which one is sure
+    std::vector<std::vector<double>> drifts;  // one for each session in which it is sure
     for (const Unloaded& session : unloaded(calibration, rows)) {
         std::vector<double> drift;
         for (std::size_t k = 0; k < calibration.channels.size(); ++k)

@@ -36,7 +36,7 @@ std::vector<std::string> undetected_loads(const SensorSettings& sensor, const st
     return loads;
 }
 
-// How fast the standard deviation of a zero grows, of the component whose zero is old first; "" if none does.
+// Returns the growth of the standard deviation of a zero, for the component whose zero is old first; "" if none grows.
 std::string age_of_zero(const Calibration& calibration) {
     const ZeroError::Rates rates = zero_rates(calibration);
     std::size_t first = 6;

@@ -45,12 +45,13 @@ class DemoSkin:
             self.held = None
         return values
 
-    def time_us(self):
-        return int((time.monotonic() - self.began) * 1e6) & 0xFFFFFFFF
+    def time_us(self, of_monotonic_us=None):
+        now_us = time.monotonic() * 1e6 if of_monotonic_us is None else of_monotonic_us
+        return int(now_us - self.began * 1e6) & 0xFFFFFFFF
 
-    def frame(self, sequence, channels):
+    def frame(self, sequence, channels, time_us):
         answers, now = self.echo.answers(), time.monotonic()
-        cells = [sequence, self.time_us(), *(round(value * self.skin.counts_per_unit) for value in channels)]
+        cells = [sequence, self.time_us(time_us), *(round(value * self.skin.counts_per_unit) for value in channels)]
         frame = line(",".join(map(str, cells)))
         self.late.append((now + (DELAY_s if self.fault == "d" else 0), answers + frame))
         out = b""

@@ -101,7 +101,9 @@ void Port::set_clock(std::uint64_t time_us, std::uint64_t at_ns) noexcept {
     clock_ns_ = at_ns;
 }
 
-std::uint64_t Port::clock_us() const noexcept { return clock_us_ + (monotonic_ns() - clock_ns_) / 1000; }
+std::uint64_t Port::clock_us(std::uint64_t at_ns) const noexcept {
+    return clock_us_ + (std::max(at_ns, clock_ns_) - clock_ns_) / 1000;
+}
 
 void Wire::add_options(Command verb) {
     const auto names = StreamFormats::names([](const StreamFormat& each) { return each.encode != nullptr; });
@@ -133,7 +135,9 @@ void Wire::answer_until(std::uint64_t due_ns, std::span<const std::unique_ptr<Po
         sleep_until(std::min(due_ns, monotonic_ns() + kAnswerNs));
         for (const auto& port : ports)
             for (std::string line = port->receive(); !line.empty(); line = port->receive()) {
-                const auto bytes = answer(line, std::uint32_t(port->clock_us()), settings);
+                // The time of an answer is not after that of the frame that follows, however late this thread is.
+                const std::uint64_t at_ns = std::min(due_ns, monotonic_ns());
+                const auto bytes = answer(line, std::uint32_t(port->clock_us(at_ns)), settings);
                 (void)port->send(bytes.data(), bytes.size());
             }
     } while (interrupted == 0 && monotonic_ns() < due_ns);

@@ -31,7 +31,7 @@ public:
     [[nodiscard]] std::string receive();
     // Sets the device's clock, which was `time_us` at `at_ns` of CLOCK_MONOTONIC and runs on.
     void set_clock(std::uint64_t time_us, std::uint64_t at_ns) noexcept;
-    [[nodiscard]] std::uint64_t clock_us() const noexcept;
+    [[nodiscard]] std::uint64_t clock_us(std::uint64_t at_ns) const noexcept;
 
 private:
     std::string link_, received_;

@@ -21,7 +21,7 @@ constexpr int kSensors = 40;
 enum class Use { held, picks, standing };
 struct Case {
     const char* name;
-    double per_min = 0, warm_up = 0;  // of a channel's width
+    double per_min = 0, warm_up = 0;  // in widths of a channel
     Use use = Use::held;
     double load = 0;  // standing, in sd
 };

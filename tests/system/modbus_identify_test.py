@@ -61,7 +61,7 @@ class Identify(unittest.TestCase):
             self.assertIn(f'word_order = "{order}"', done.stdout)
             self.assertIn('{name = "c3", at = 104, type = "float32"}', done.stdout)
         sensor = '\n[[sensor]]\nname = "left"\nlink = "bus"\nmodel = "generic"\ncalibration = "{folder}/unit.toml"\nstale_ms = 200\n'
-        with Daemon(done.stdout.replace("{name", "{{name").replace("}", "}}") + sensor) as daemon:
+        with Daemon(done.stdout + sensor) as daemon:
             (daemon.folder / "unit.toml").write_text(CALIBRATION)
             daemon.start()
 

@@ -1,4 +1,4 @@
-// For tests whose claim is a bound in time.
+// A clock for tests whose claim is a bound in time.
 #pragma once
 #include <algorithm>
 #include <atomic>

@@ -39,7 +39,7 @@ TEST(ZeroError, GrowsWithTheTimeSinceTheTare) {
     EXPECT_NEAR(sd_of(error, 4 * kHourNs), 0.6, 1e-12);
     error.know(5 * kHourNs);
     EXPECT_EQ(sd_of(error, 5 * kHourNs), 0);
-    error.know(2 * kHourNs);  // of an earlier run
+    error.know(2 * kHourNs);  // a tare of another run
     EXPECT_NEAR(sd_of(error, 5 * kHourNs), 0.6, 1e-12);
 }
 
