@@ -112,7 +112,9 @@ class Held:
 
     def press(self, force_N):
         self.device.force_N = [0.0, 0.0, force_N]
-        wait_for(lambda: abs((self.sample()["raw_force_S_N"][2] or 0) - force_N) < 0.1, f"{force_N} N")
+        def is_there(now):  # a daemon that is killed before the confirmation leaves no force by which the next one knows the zero
+            return is_confirmed(now) and abs((now["raw_force_S_N"][2] or 0) - force_N) < 0.1
+        wait_for(lambda: is_there(self.sample()), f"{force_N} N")
 
     def sample(self):
         return json.loads(self.daemon.ctl("status", "--json").stdout)["sensors"][0]
