@@ -24,7 +24,7 @@ def move():
         load = min(max(2 * (time.monotonic() % 2) - 1, 0), 1)
         words = []
         for axis, gain in enumerate((5, -4, -20)):
-            value = (gain * load + random.gauss(0, 0.02)) * float(sys.argv[6])
+            value = (gain * load + random.gauss(0, 0.02)) * float(sys.argv[6]) + 0.0  # no -0.0: registers that rest are equal
             value = value if kind_of_number in "fd" else round(value)
             one = struct.unpack(">" + "H" * (struct.calcsize(kind_of_number) // 2), struct.pack(">" + kind_of_number, value))
             words += one if order == ">" else one[::-1]
