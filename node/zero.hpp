@@ -8,6 +8,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 
 #include "config/names.hpp"
@@ -79,15 +80,19 @@ public:
     [[nodiscard]] bool is_known(std::size_t method) const noexcept {
         return (unknown_ >> method & 1u) == 0 && !is_missing();
     }
-    // The sensor begins, `t_ns` by the clock of the functions below. A restored tare is as old as it was. rt: wait-free
+    // The daemon begins, `t_ns` by the clock of the functions below: a restored tare is as old as it was. The zero of the
+    // calibration is as old as the first sample. rt: wait-free
     void start(std::int64_t t_ns) noexcept {
-        begun_ns_ = now_ns_ = t_ns;
+        begun_ns_ = restored_age_ns_ != 0 ? t_ns : kNever;
         error_.know(t_ns - restored_age_ns_);
     }
     // Continues with the age of the calibration's zero in `before`. rt: wait-free
-    void succeed(const Zero& before) noexcept { start(before.begun_ns_); }
+    void succeed(const Zero& before) noexcept { error_.know(begun_ns_ = before.begun_ns_); }
     // rt: wait-free
-    void follow(std::int64_t t_ns) noexcept { error_.follow(now_ns_ = t_ns, knows_shift_ && has_shifted()); }
+    void follow(std::int64_t t_ns) noexcept {
+        if (begun_ns_ == kNever) error_.know(begun_ns_ = t_ns);
+        error_.follow(now_ns_ = t_ns, knows_shift_ && has_shifted());
+    }
     // Adds the standard deviation of the zero to that of a force. Returns true if the zero is old. rt: wait-free
     [[nodiscard]] bool widen(Wrench& sd) const noexcept { return error_.widen(sd); }
     // Takes the mean force of a free rest, after the zero, and the standard deviation of a force there. rt: wait-free
@@ -123,7 +128,8 @@ private:
     bool needs_tare_, knows_shift_;
     ZeroError error_;
     std::array<Wrench, MethodChoice::kMax> of_method_{};
-    std::int64_t begun_ns_ = 0, now_ns_ = 0, restored_age_ns_ = 0;
+    static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::min();
+    std::int64_t begun_ns_ = kNever, now_ns_ = 0, restored_age_ns_ = 0;
     std::uint32_t unknown_ = 0;  // bit i: the zero of method i is unknown
     std::uint32_t to_find_ = 0;  // bit i: method i needs its zero from the mean of the last tare
     std::uint32_t tare_count_ = 0;
