@@ -179,6 +179,7 @@ void read_repeats(Options& file, Calibration& calibration) {
     for (const double readings : table.numbers("readings", {0, 1e6}, as_many_as(calibration.channels)))
         calibration.repeats.readings.push_back(int(readings));
     calibration.repeats.interval_s = table.number("interval_s", {0, 1e6}, 0);
+    calibration.repeats.noise = table.numbers("noise", kNotNegative, as_many_as(calibration.channels));
 }
 
 void read_components(Options& file, Calibration& calibration) {

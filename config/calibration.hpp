@@ -71,10 +71,14 @@ struct JointDomain {
     CurvedDomain curved{};
 };
 
-// The longest repetition of one number by each channel while the load was held, in the rows of the calibration.
+// The longest repetition of one number by each channel while the load was held, and its noise, in the rows of the
+// calibration.
 struct Repeats {
     std::vector<int> readings;  // per channel: longest run of equal readings; 0 = its end was not seen. Empty = unknown
     double interval_s = 0;      // median time between two readings; 0 = unknown
+    // Per channel, channel_unit: standard deviation of the noise in the quietest stretch without a load; 0 = below two steps
+    // of the channel, which do not show it. Empty = unknown
+    std::vector<double> noise{};
 };
 
 // Zero and gain of each channel against temperature: with dT = temperature - reference_C reading = zero + zero_per_K dT + (1

@@ -122,6 +122,7 @@ std::string calibration_text(const Calibration& calibration) {
     if (const Repeats& repeats = calibration.repeats; !repeats.readings.empty()) {
         out.line("repeats.readings", fmt::format("[{}]", fmt::join(repeats.readings, ", ")));
         out.line("repeats.interval_s", toml_number(repeats.interval_s));
+        out.numbers("repeats.noise", repeats.noise);
     }
     out.numbers("zero_drift", calibration.zero_drift);
     out.line("components", toml_texts(calibration.components));

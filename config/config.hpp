@@ -103,6 +103,7 @@ struct SensorTuning {
     int tare_ms = 100;                 // length of a tare's mean
     double tare_limit_N = -1;          // magnitude; 0 = none, -1 = 20 % of full scale for each component
     std::string zero_after = "doubt";  // or "keep", "forget"
+    bool accept_too_quiet = false;     // a device with less noise than in its calibration is the calibrated one
     bool accept_unproved_age = false;  // allows tares and weights although the stream would not reveal a delay
     double filter_hz = 0;              // low pass on force and torque, 0 = off
     double contact_on_N = 0.5, contact_off_N = 0.25;

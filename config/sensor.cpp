@@ -107,6 +107,10 @@ const Fields<SensorSettings>& sensor_fields() {
         {TACTILED_KEY(S, accept_unproved_age), d.accept_unproved_age,
          "A stream on a network path that has neither a clock nor a counter may be tared and weighed with, although nothing "
          "shows when it was delayed."},
+        {TACTILED_KEY(S, accept_too_quiet), d.accept_too_quiet,
+         "The device may have less noise than a quarter of that in the quietest rest of its calibration, for instance because "
+         "the calibration was recorded beside a running motor. Otherwise its numbers count as scaled by another range, unit, "
+         "byte order or firmware (too-quiet)."},
         {TACTILED_KEY(S, zero_after), d.zero_after.c_str(), Choices{"keep", "doubt", "forget"},
          "The zero after the device may have been restarted or exchanged: its counter or clock has not gone on, it was "
          "silent for 1 s + stale_ms, or the daemon was restarted after a tare. \"doubt\": unless the force is the one "

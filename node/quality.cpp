@@ -74,6 +74,7 @@ std::uint32_t StreamQuality::judge(std::span<const double> raw, std::uint32_t us
         reasons |= TACTILED_IDLE_BUS;
         dead = ~0u;
     }
+    if (quiet_.judge(raw, usable, last_frame_ns_, *tuning_)) reasons |= TACTILED_TOO_QUIET;
     for (std::size_t k = 0; k < raw.size(); ++k)
         if ((usable >> k & 1u) != 0) raw_[k] = raw[k];
     known_ |= usable;

@@ -8,6 +8,7 @@
 #include <span>
 
 #include "drivers/frame.hpp"
+#include "node/quiet_check.hpp"
 #include "node/tuning.hpp"
 #include "tactiled/layout.h"
 
@@ -81,7 +82,8 @@ private:
         moved_{};               // consecutive readings: equal to the previous one; of frozen channels that changed
     std::uint32_t frozen_ = 0;  // bit k: channel k is frozen
     bool has_frozen_ = false;   // a usable channel was frozen in the previous frame
-    unsigned idle_ = 0;         // consecutive numbers of an idle bus
+    QuietCheck quiet_;
+    unsigned idle_ = 0;  // consecutive numbers of an idle bus
 
     std::uint64_t rate_since_ns_ = 0;
     std::uint32_t rate_frames_ = 0;

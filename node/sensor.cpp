@@ -29,8 +29,7 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
         low_pass_.reset();
         latency_.forget();
         jumps_.end_motion();
-        rest_begins_ = true;
-        has_rested_ = false;
+        break_rest();
     }
     if (std::exchange(has_rested_, false)) end_rest();
     if (setup_.automatic != nullptr) take_over_method();
@@ -204,8 +203,7 @@ void Sensor::take_over_method() noexcept {
     low_pass_.reset();
     latency_.forget();
     zero_.forget_rests();
-    rest_begins_ = true;
-    has_rested_ = false;
+    break_rest();
 }
 
 void Sensor::put_method(tactiled_sample& s) const noexcept {
@@ -314,7 +312,7 @@ inline void Sensor::end_rest() noexcept {
     for (std::size_t i = 0; i < 3; ++i)
         if (std::isfinite(rest_S[i])) squares += rest_S[i] * rest_S[i];
     rest_N_ = std::sqrt(squares);
-    if (!is_free_ || may_hold_ || rest_.has_moved(sd_of_model_)) return;
+    if (!is_free_ || rest_.has_moved(sd_of_model_)) return;
     const Wrench zero = zero_S();
     for (std::size_t i = 0; i < rest_S.size(); ++i) rest_S[i] -= zero[i];
     zero_.rest(rest_S, sd_of_model_);

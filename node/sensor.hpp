@@ -199,6 +199,10 @@ private:
     inline void judge_latency(tactiled_sample& sample) noexcept;
     void put_tared(tactiled_sample& sample) noexcept;
     void judge_magnitude(tactiled_sample& sample) noexcept;
+    void break_rest() noexcept {
+        rest_begins_ = true;
+        has_rested_ = false;
+    }
     inline void follow_rest(tactiled_sample& sample) noexcept;
     inline void end_rest() noexcept;
     // Returns a sample's time with the time in which the machine was suspended.

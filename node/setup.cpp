@@ -145,6 +145,17 @@ void put_frozen(const Calibration& calibration, Tuning& tuning) {
     }
 }
 
+// Sets the least noise of the calibrated device. The driver's numbers are counts_per_unit times those of the calibration.
+void put_least_noise(const Calibration& calibration, double counts_per_unit, Tuning& tuning) {
+    constexpr double kLeast = 1. / 4;  // of the sd in the quietest rest
+    const Repeats& repeats = calibration.repeats;
+    for (std::size_t k = 0; k < repeats.noise.size(); ++k) {
+        const double sd = kLeast * repeats.noise[k] * counts_per_unit;
+        tuning.least_noise_of[k] = 2 * sd * sd;
+        if (sd > 0 && !tuning.accept_too_quiet) tuning.least_noise_ns = std::uint64_t(repeats.interval_s * 1e9);
+    }
+}
+
 // Returns the settings that a reload may exchange. `driver` is nullptr if its configuration is wrong; the node then does not
 // run.
 Tuning tuning_of(const SensorSettings& settings, const Calibration& calibration, const std::vector<int>& channel_of_frame,
@@ -160,6 +171,7 @@ Tuning tuning_of(const SensorSettings& settings, const Calibration& calibration,
                                       : tuning.noisy && !settings.temperature.empty() ? unsigned(kFrozenAfter)
                                                                                       : 0;
     put_frozen(calibration, tuning);
+    put_least_noise(calibration, settings.counts_per_unit, tuning);
     tuning.tare_limit_of_magnitude_N = std::max(0.0, settings.tare_limit_N);
     for (std::size_t c = 0; c < tuning.tare_limit_of_component_N.size() && settings.tare_limit_N < 0; ++c)
         if (std::isfinite(full_scale[c])) tuning.tare_limit_of_component_N[c] = kTareLimit * double(full_scale[c]);
@@ -230,7 +242,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
         setup.serial_of_frame = index_of(settings.serial_channel);
         setup.serial = number.value_or(0);
     }
-    setup.needs_tare = calibration.validation.ends_with(Calibration::kOwnZeros);
+    setup.needs_tare = calibration.validation.ends_with(Calibration::kOwnZeros) || !calibration.zero_shift.empty();
     setup.zero = zero_rates(calibration);
     node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
     tactiled_sensor& entry = node.plan.sensors.back();

@@ -23,6 +23,10 @@ struct Tuning : SensorTuning {
         std::uint64_t ns = 0;
     };
     std::array<Frozen, kMaxChannels> frozen_of{};
+    // The least mean square of successive differences of a channel, in the frame's numbers, and the time between them; 0 =
+    // any.
+    std::array<double, kMaxChannels> least_noise_of{};
+    std::uint64_t least_noise_ns = 0;
     bool noisy = false;                     // noise changes every reading, so the same number in all channels is an idle bus
     unsigned thermometer_frozen_after = 0;  // readings; 0 = never
     // Limit of a new zero relative to the calibration's: each component's of the force, and of the magnitude; 0 = none.

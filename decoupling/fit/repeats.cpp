@@ -1,9 +1,13 @@
 #include "decoupling/fit/recording_checks.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <limits>
 
 #include "decoupling/fit/groups.hpp"
+#include "decoupling/fit/labels.hpp"
+#include "decoupling/unloading.hpp"
 
 namespace tactiled {
 namespace {
@@ -15,6 +19,51 @@ constexpr int kEndlessRun = 10;
 // Returns 0 if there is no interval.
 double median_s(const std::vector<double>& intervals_ns) { return intervals_ns.empty() ? 0 : median(intervals_ns) * 1e-9; }
 
+// The noise of the channels: their successive differences in the quietest stretch without a load, as in
+// node/quiet_check.hpp.
+class QuietestRest {
+public:
+    explicit QuietestRest(const Rows& rows)
+        : rows_(rows),
+          full_scale_(full_scales(rows)),
+          noise_(rows.front()->channel.size(), kUnknown),
+          shows_(noise_.size()) {}
+
+    // Takes the rows from `begin` to before `end`, which have one load.
+    void add(std::size_t begin, std::size_t end) {
+        for (std::size_t c = 0; c < full_scale_.size(); ++c)
+            if (std::abs(rows_[begin]->wrench_S[c]) > LoadPeak::kRest * full_scale_[c]) return;
+        for (std::size_t k = 0; k < noise_.size(); ++k) {
+            std::vector<double> steps;
+            double squares = 0;
+            for (std::size_t i = begin + 1; i < end; ++i) {
+                steps.push_back(std::abs(rows_[i]->channel[k] - rows_[i - 1]->channel[k]));
+                squares += steps.back() * steps.back();
+            }
+            const double sd = std::sqrt(squares / (2 * double(steps.size())));
+            if (sd >= noise_[k]) continue;
+            noise_[k] = sd;
+            shows_[k] = std::any_of(steps.begin(), steps.end(),
+                                    [&](double step) { return step > kRounding * sd && step <= kSteps * sd; });
+        }
+    }
+    // 0 for a channel whose steps are too large to show its noise.
+    [[nodiscard]] std::vector<double> noise() const {
+        std::vector<double> noise;
+        for (std::size_t k = 0; k < noise_.size(); ++k) noise.push_back(noise_[k] < kUnknown && shows_[k] ? noise_[k] : 0);
+        return noise;
+    }
+
+private:
+    static constexpr double kUnknown = std::numeric_limits<double>::infinity();
+    // Of the noise: the largest step of a channel that shows it, and that of a number which text or a float has rounded.
+    static constexpr double kSteps = 0.5, kRounding = 0.01;
+    const Rows& rows_;
+    Wrench full_scale_;
+    std::vector<double> noise_;
+    std::vector<bool> shows_;
+};
+
 }  // namespace
 
 Repeats repeats_of(const Rows& rows) {
@@ -25,6 +74,7 @@ Repeats repeats_of(const Rows& rows) {
     std::vector<bool> endless(n);
     std::vector<double> intervals_ns, all_intervals_ns;
     std::size_t looked_at = 0;
+    QuietestRest quietest(rows);
     const auto follows = [&](std::size_t i) {
         return load[i] == load[i - 1] && rows[i]->session == rows[i - 1]->session && rows[i]->line == rows[i - 1]->line + 1;
     };
@@ -34,6 +84,7 @@ Repeats repeats_of(const Rows& rows) {
                 all_intervals_ns.push_back(double(rows[end]->t_ns - rows[end - 1]->t_ns));
         if (end - begin < kHeldRows) continue;
         looked_at += end - begin;
+        quietest.add(begin, end);
         for (std::size_t i = begin + 1; i < end; ++i)
             if (rows[i]->t_ns > rows[i - 1]->t_ns) intervals_ns.push_back(double(rows[i]->t_ns - rows[i - 1]->t_ns));
         for (std::size_t k = 0; k < n; ++k) {
@@ -49,6 +100,7 @@ Repeats repeats_of(const Rows& rows) {
     for (std::size_t k = 0; k < n; ++k)
         if (endless[k]) repeats.readings[k] = 0;
     repeats.interval_s = median_s(intervals_ns);
+    if (repeats.interval_s > 0) repeats.noise = quietest.noise();
     return repeats;
 }
 

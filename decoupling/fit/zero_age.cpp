@@ -17,7 +17,7 @@
 namespace tactiled {
 namespace {
 
-constexpr double kHour_s = 3600;
+constexpr double kHour_s = 3600, kShortest_s = 60;  // creep after a touch is no drift; a minute outlasts most of it
 constexpr std::size_t kParts = 20;  // in a session: their means depend little on each other
 constexpr std::size_t kFewestParts = 10;
 constexpr double kSure = 4;           // standard errors of a slope: once in 1000 by chance
@@ -75,6 +75,7 @@ std::vector<Unloaded> unloaded(const Calibration& calibration, const Rows& rows)
 std::optional<double> slope_of(const Unloaded& session, std::size_t k, bool at_rest) {
     const auto [first, last] = std::minmax_element(session.t_h.begin(), session.t_h.end());
     const double begin_h = *first, length_h = *last - *first;
+    if (length_h < kShortest_s / kHour_s) return std::nullopt;
     std::array<double, kParts> n{}, t{}, e{};
     for (std::size_t i = 0; i < session.t_h.size() && length_h > 0; ++i) {
         if (at_rest && !session.rests[i]) continue;

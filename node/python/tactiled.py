@@ -48,12 +48,12 @@ NO_VALUE, GOOD, UNCERTAIN, BAD = range(4)  # Sample.quality
 (NO_DATA_YET, STALE, DISCONNECTED, MISSING_CHANNEL, SATURATED, DISAGREEMENT, OUTSIDE_DOMAIN, UNCALIBRATED, NOT_FINITE,
  DAEMON_STOPPED, TARING, READER_OVERRUN, WRONG_DEVICE, UNKNOWN_UNCERTAINTY, FROZEN, STEPPED, IDLE_BUS, WRONG_RATE,
  DRIFTED, SENSORS_DIFFER, UNPROVED_AGE, ARRIVAL_ONLY, ZERO_UNKNOWN, GLITCHES,
- ZERO_OLD) = (1 << bit for bit in range(25))
+ ZERO_OLD, TOO_QUIET) = (1 << bit for bit in range(26))
 REASON_WORDS = (  # from bit 0 on, as tactilectl prints them
     "no-data-yet", "stale", "disconnected", "missing-channel", "saturated", "disagreement", "outside-domain",
     "uncalibrated", "not-finite", "stopped", "taring", "reader-overrun", "wrong-device", "sd-unknown",
     "frozen", "stepped", "idle-bus", "wrong-rate", "drifted", "sensors-differ", "unproved-age", "arrival-only",
-    "zero-unknown", "glitches", "zero-old")
+    "zero-unknown", "glitches", "zero-old", "too-quiet")
 FRESHNESS = ("unknown", "request", "cable", "clock", "sequence", "arrival")  # words for Info.freshness
 AGE_UNBOUNDED = 0xFFFFFFFF  # Info.age_bound_us: that or more, or not known
 

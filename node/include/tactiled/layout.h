@@ -82,7 +82,8 @@ enum tactiled_reason {
     TACTILED_ZERO_UNKNOWN = 1 << 22, /* the tare in force was lost, or the calibration needs one: tare it */
     /* Since 1.8: */
     TACTILED_GLITCHES = 1 << 23, /* more than 1 % of the values of 10 s, and more than 2, were wrong for one sample */
-    TACTILED_ZERO_OLD = 1 << 24  /* the standard deviation of the zero is above 10 % of a component's full scale */
+    TACTILED_ZERO_OLD = 1 << 24, /* the standard deviation of the zero is above 10 % of a component's full scale */
+    TACTILED_TOO_QUIET = 1 << 25 /* less noise than in the calibration: another range, unit, order of bytes or firmware */
 };
 
 /* ---- verdict ----
@@ -142,6 +143,10 @@ enum tactiled_use {
       "check the wires, the shield and the supply; ask a device no faster than it measures")                                \
     X(OUTSIDE_DOMAIN, "outside-domain", TACTILED_UNCERTAIN, 11, "OUTSIDE_DOMAIN", TACTILED_FOR_ZERO | TACTILED_FOR_WEIGHT,  \
       "outside the calibrated domain", "reduce the load, or declare the temperature (tactilectl check has the line)")       \
+    X(TOO_QUIET, "too-quiet", TACTILED_UNCERTAIN, 25, "TOO_QUIET", 0,                                                      \
+      "less noise than in its calibration: another range, unit, order of bytes or firmware",                                \
+      "restore the settings of the device and restart the daemon, or calibrate it again; if it may be so quiet, write "     \
+      "accept_too_quiet = true in its [[sensor]]")                                                                          \
     X(ZERO_UNKNOWN, "zero-unknown", TACTILED_UNCERTAIN, 22, "ZERO_UNKNOWN", TACTILED_FOR_ZERO,                              \
       "zero unknown: its tare was lost, its calibration needs one, or the device may have started again",                   \
       "tare it without a load")                                                                                             \

@@ -73,7 +73,7 @@ TEST(Keys, AreUniqueAndExplained) {
             EXPECT_NE(key.name.find("_" + std::string(key.unit == "Hz" ? "hz" : key.unit)), std::string::npos) << key.name;
         }
     });
-    EXPECT_EQ(seen.size(), 103u);
+    EXPECT_EQ(seen.size(), 104u);
 }
 
 TEST(Keys, AValueOfAnotherTypeIsAnErrorOfThatKey) {
@@ -137,11 +137,26 @@ TEST(Keys, NumbersAreAcceptedWithinTheirRangeOnly) {
 }
 
 TEST(Keys, AReloadChangesWhatIsTunedAndCalibrated) {
-    const std::set<std::string> tuned = {
-        "saturates_at",      "tare_ms",  "filter_hz", "contact_on_N",   "contact_off_N",       "overload_N",
-        "frozen_after",      "delay_ms", "rate_Hz",   "rate_tolerance", "drift_limit_N",       "tare_limit_N",
-        "agrees_with",       "agree_N",  "agree_ms",  "zero_after",     "accept_unproved_age", "temperature_frozen_after",
-        "temperature_jump_K"};
+    const std::set<std::string> tuned = {"saturates_at",
+                                         "tare_ms",
+                                         "filter_hz",
+                                         "contact_on_N",
+                                         "contact_off_N",
+                                         "overload_N",
+                                         "frozen_after",
+                                         "delay_ms",
+                                         "rate_Hz",
+                                         "rate_tolerance",
+                                         "drift_limit_N",
+                                         "tare_limit_N",
+                                         "agrees_with",
+                                         "agree_N",
+                                         "agree_ms",
+                                         "zero_after",
+                                         "accept_too_quiet",
+                                         "accept_unproved_age",
+                                         "temperature_frozen_after",
+                                         "temperature_jump_K"};
     const std::set<std::string> fixed = {"name", "link", "device", "model", "stale_ms", "register_N"};
     for_each_key([&](const KeyTable& table, const ConfigKey& key) {
         const Reload expected = table.name() == "sensor"         ? fixed.count(key.name) != 0   ? Reload::restart

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <functional>
+#include <random>
 
 namespace tactiled {
 namespace {
@@ -50,6 +51,27 @@ TEST(Repeats, ARowThatWasLeftOutEndsARun) {
     EXPECT_TRUE(repeats(labelled).readings.empty());
 }
 
+// Loads of 0 and 1 N in turn, with noise of 3 and 30 in the channel, rounded to `step`.
+Repeats of_noise(double step, double at_rest, double under_load) {
+    std::mt19937 random(1);
+    std::normal_distribution<double> normal;
+    auto labelled = held_loads(10, 50, [&](std::size_t i) {
+        return std::round((i / 50 % 2 == 0 ? at_rest : under_load) * normal(random) / step) * step;
+    });
+    for (auto& row : labelled.rows) row.wrench_S[2] = -double((row.line - 2) / 50 % 2);
+    return repeats(labelled);
+}
+
+TEST(Repeats, TheNoiseIsThatOfTheQuietestRest) {
+    for (const double under_load : {30.0, 0.3}) {  // where the load itself moves, or the channel is squeezed
+        const Repeats found = of_noise(0.01, 3, under_load);
+        ASSERT_EQ(found.noise.size(), 1u);
+        EXPECT_GT(found.noise[0], 0.7 * 3);
+        EXPECT_LT(found.noise[0], 1.1 * 3);
+    }
+    EXPECT_EQ(of_noise(2, 3, 3).noise, std::vector<double>{0}) << "two steps of the channel do not show it";
+}
+
 TEST(Repeats, ComeBackFromAFile) {
     Calibration calibration;
     calibration.path = "c.toml";
@@ -59,12 +81,13 @@ TEST(Repeats, ComeBackFromAFile) {
     calibration.zero = {0, 0};
     calibration.components = {"fz"};
     calibration.matrix = {{1, 1}};
-    calibration.repeats = {.readings = {3, 0}, .interval_s = 0.0125};
+    calibration.repeats = {.readings = {3, 0}, .interval_s = 0.0125, .noise = {0.5, 0}};
     Problems problems;
     const Calibration loaded = parse_calibration(calibration_text(calibration), "c.toml", problems);
     EXPECT_EQ(problems.lines(), std::vector<std::string>{});
     EXPECT_EQ(loaded.repeats.readings, calibration.repeats.readings);
     EXPECT_EQ(loaded.repeats.interval_s, 0.0125);
+    EXPECT_EQ(loaded.repeats.noise, calibration.repeats.noise);
 }
 
 }  // namespace

@@ -33,6 +33,7 @@ const std::map<std::string, Example> kExamples = {
     {"tare_ms", {"tare_ms = 500", "accept_unproved_age = true"}},
     {"tare_limit_N", {"tare_limit_N = 0.05", "accept_unproved_age = true"}},
     {"accept_unproved_age", {"accept_unproved_age = true"}},
+    {"accept_too_quiet", {"accept_too_quiet = true", "accept_too_quiet = false"}},
     {"zero_after", {"zero_after = \"keep\""}},
     {"filter_hz", {"filter_hz = 2"}},
     {"contact_on_N", {"contact_on_N = 2"}},
@@ -54,7 +55,11 @@ public:
 class Daemon {
 public:
     explicit Daemon(const std::string& keys) {
-        (void)folder_.write("unit.toml", test::unit_calibration() + "zero_rate_per_h = [0.0, 0.0, 0.0]\n");
+        const bool is_noisy = keys.find("accept_too_quiet") != std::string::npos;  // in the calibration
+        (void)folder_.write("unit.toml", test::unit_calibration() + "zero_rate_per_h = [0.0, 0.0, 0.0]\n" +
+                                             (is_noisy ? "repeats.readings = [0, 0, 0]\nrepeats.interval_s = 0.01\n"
+                                                         "repeats.noise = [1e-3, 1e-3, 1e-3]\n"
+                                                       : ""));
         const std::string sensor =
             "link = \"line\"\nmodel = \"generic\"\ncalibration = \"unit.toml\"\n"
             "channels = [\"c1\", \"c2\", \"c3\", \"T\"]\ntemperature = \"T\"\n";

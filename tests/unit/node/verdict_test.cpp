@@ -54,7 +54,8 @@ const std::map<std::uint32_t, std::uint32_t> kBest{{TACTILED_NO_DATA_YET, TACTIL
                                                    {TACTILED_ARRIVAL_ONLY, TACTILED_GOOD},
                                                    {TACTILED_ZERO_UNKNOWN, TACTILED_UNCERTAIN},
                                                    {TACTILED_GLITCHES, TACTILED_UNCERTAIN},
-                                                   {TACTILED_ZERO_OLD, TACTILED_UNCERTAIN}};
+                                                   {TACTILED_ZERO_OLD, TACTILED_UNCERTAIN},
+                                                   {TACTILED_TOO_QUIET, TACTILED_UNCERTAIN}};
 
 TEST(Verdict, EachReasonHasQualityAndWords) {
     std::set<std::uint32_t> reasons;
