@@ -112,8 +112,8 @@ const Fields<SensorSettings>& sensor_fields() {
          "the calibration was recorded beside a running motor. Otherwise its numbers count as scaled by another range, unit, "
          "byte order or firmware (too-quiet)."},
         {TACTILED_KEY(S, zero_after), d.zero_after.c_str(), Choices{"keep", "doubt", "forget"},
-         "The zero after the device may have been restarted or exchanged: its counter or clock has not gone on, it was "
-         "silent for 1 s + stale_ms, or the daemon was restarted after a tare. \"doubt\": unless the force is the one "
+         "The zero after the device may have been restarted or exchanged: its counter or clock has not gone on, it had "
+         "no value for 1 s + stale_ms, its link was lost and it has neither, or the daemon was restarted after a tare. \"doubt\": unless the force is the one "
          "before, it "
          "is UNCERTAIN (zero unknown) until a tare or its removal. \"keep\": the device always comes back with its zero. "
          "\"forget\": as \"doubt\", whatever the force is, for a device that zeroes itself when it starts."},

@@ -12,16 +12,17 @@
 
 namespace tactiled {
 
-// A device goes on if its counter and its clock do: the counter advances, by no more than the time allows; the clock
-// advances with the time. A device without either, or with a counter that is too short for the time, goes on over a gap that
-// is shorter than a start.
+// A device goes on if it was not silent for as long as a start or an exchange takes, and its counter and its clock go on:
+// the counter advances, by no more than the time allows; the clock advances with the time. Where its link was lost, one of
+// them must go on.
 class Continuity {
 public:
-    // Takes the device's next frame, measured at `t_ns` of a clock that does not stop while the machine is suspended.
-    // `rate_Hz`: measured, NaN = unknown. `gap_ns`: longest gap of a device that has not started again. Returns false if it
-    // may have done so since the frame before. rt: wait-free
+    // Takes the device's next frame with a value, measured at `t_ns` of a clock that does not stop while the machine is
+    // suspended. `rate_Hz`: measured, NaN = unknown. `gap_ns`: longest gap of a device that has not started again. Returns
+    // false if it may have done so since the frame before. rt: wait-free
     [[nodiscard]] bool goes_on(const Frame& frame, std::uint64_t t_ns, double rate_Hz, std::uint64_t gap_ns) noexcept {
-        const Known before = std::exchange(before_, {t_ns, frame.device_time_us, frame.sequence, frame.has_sequence});
+        const Known before =
+            std::exchange(before_, {t_ns, frame.device_time_us, frame.sequence, frame.opening, frame.has_sequence});
         if (rate_Hz > 0) rate_Hz_ = rate_Hz;
         const unsigned bits = std::min(width_.of(frame.sequence), unsigned{frame.sequence_bits});
         if (before.t_ns == 0) return true;
@@ -43,7 +44,7 @@ public:
             if (late_s > passed_s || std::abs(late_s) > kHeld_s) return false;  // it went back, or is another one
             is_proved = true;
         }
-        return is_proved || passed_s * 1e9 < double(gap_ns);
+        return passed_s * 1e9 < double(gap_ns) && (is_proved || frame.opening == before.opening);
     }
 
 private:
@@ -55,7 +56,7 @@ private:
 
     struct Known {
         std::uint64_t t_ns = 0, device_time_us = 0;
-        std::uint32_t sequence = 0;
+        std::uint32_t sequence = 0, opening = 0;
         bool has_sequence = false;
     };
     Known before_;

@@ -12,9 +12,10 @@
 
 namespace tactiled {
 
-// A confirmed force, and by how much the same force may differ from it later; NaN = not measured, or without an sd.
+// A confirmed force, and by how much the same force may differ from it later; NaN = not measured, or without an sd. What the
+// zero may have moved at restarts before.
 struct LastForce {
-    Wrench raw_S = kUnseen, tolerance = kUnseen;
+    Wrench raw_S = kUnseen, tolerance = kUnseen, stepped{};
 };
 
 // Each component is predicted from the last confirmed sample and the step before it. The difference, the innovation, may be

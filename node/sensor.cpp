@@ -33,12 +33,12 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     }
     if (std::exchange(has_rested_, false)) end_rest();
     if (setup_.automatic != nullptr) take_over_method();
-    if (!is_of_another_device(frame)) follow_device(frame);
 
     tactiled_sample s = next_sample(frame.t_ns, now_ns);
     s.device_sequence = frame.has_sequence ? frame.sequence : 0;
     s.rate_Hz = stream_.rate_Hz();
     const Estimate e = estimate(frame, s);
+    if (e.has_value || frame.restarted) follow_device(frame);
     put(e, s);
     s.epoch = epoch();  // set after the estimate, because a channel that froze begins a new epoch
     judge_age(frame.age, s);
@@ -87,8 +87,8 @@ inline void Sensor::judge_jump(std::uint32_t lost, tactiled_sample& s) noexcept 
     const bool agrees = !may_be_another_ || (!tuning_->forgets_zero && jumps_.agrees(raw_S, lost));
     if (!jumps_.confirm(raw_S, sd, s.t_ns, lost))
         s.reasons |= TACTILED_STEPPED;
-    else if (std::exchange(may_be_another_, false) && !agrees)
-        zero_.doubt();
+    else if (std::exchange(may_be_another_, false))
+        agrees ? zero_.step(jumps_.marked().tolerance) : zero_.doubt();
     if (jumps_.is_frequent()) s.reasons |= TACTILED_GLITCHES;
 }
 
@@ -365,6 +365,7 @@ void Sensor::start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept {
 void Sensor::restore_zero(const TaredZero& zero, std::int64_t age_ns, const std::optional<LastForce>& last) noexcept {
     zero_.restore(zero, age_ns);
     if (!last) return zero_.doubt();
+    zero_.step(last->stepped);
     jumps_.mark(*last);
     may_be_another_ = true;
 }

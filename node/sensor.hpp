@@ -158,8 +158,10 @@ public:
     // Returns the force by which the next run knows that the device still has its zero; nullopt: the zero is doubted.
     [[nodiscard]] std::optional<LastForce> last_force() const noexcept {
         if (zero_.is_doubted()) return std::nullopt;
-        if (may_be_another_) return jumps_.marked();
-        return jumps_.has_value() ? std::optional(jumps_.last()) : std::nullopt;
+        if (!may_be_another_ && !jumps_.has_value()) return std::nullopt;
+        LastForce last = may_be_another_ ? jumps_.marked() : jumps_.last();
+        last.stepped = zero_.stepped();
+        return last;
     }
     // Returns true if, with method "auto", a method still needs its zero from the last tare.
     [[nodiscard]] bool is_finding_zeros() const noexcept { return zero_.has_more_to_find(); }

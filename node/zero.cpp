@@ -36,7 +36,7 @@ void Zero::begin_removal(bool is_delivering) noexcept {
     of_method_ = {};
     unknown_ = to_find_ = tare_count_ = 0;
     is_lost_ = is_doubted_ = false;
-    error_.know(begun_ns_);
+    error_.untare(begun_ns_);
     tare_ = is_delivering ? Tare::removing : Tare::done;
 }
 
@@ -69,7 +69,7 @@ bool Zero::advance(const tactiled_sample& s, std::span<const double> channel, st
     unknown_ = to_find_ | (is_unsure_ ? 1u << method : 0u);
     end_ns_ = s.t_ns;
     is_lost_ = is_doubted_ = false;
-    error_.know(now_ns_);
+    error_.tare(now_ns_);
     ++tare_count_;
     return true;
 }

@@ -99,6 +99,9 @@ public:
     void rest(const Wrench& force_S, const Wrench& sd) noexcept {
         if (!is_missing() && !has_shifted()) error_.rest(force_S, sd, now_ns_);
     }
+    // The device may have started again, and its force has differed by no more than this. rt: wait-free
+    void step(const Wrench& tolerance) noexcept { error_.step(tolerance); }
+    [[nodiscard]] const Wrench& stepped() const noexcept { return error_.stepped(); }
     // Another method computes the force. rt: wait-free
     void forget_rests() noexcept { error_.forget_rests(); }
     [[nodiscard]] bool has_more_to_find() const noexcept { return to_find_ != 0; }

@@ -1,17 +1,18 @@
 // The standard deviation of the zero in use. It grows from the time when the zero was last known, as the dispersion of a
 // clock does, and free rests bound it. For each component, in N or Nm:
 //
-//   variance = hidden + (moved / 3)^2 + (rate t)^2 + shift^2
+//   variance = hidden + (moved / 3)^2 + (stepped / 3)^2 + (rate t)^2 + shift^2
 //
-//   t       time since the last tare, removal of a tare or free rest
-//   rate    what calibrate has seen (zero_rate_per_h), else the standard deviation of the force in each hour
-//   hidden  0 after a tare; K sd^2 after a free rest
-//   moved   K Y, by which free rests have moved the zero since the tare; all of it may be a load that grows slowly
-//   shift   zero_shift of the calibration, until the first tare of one whose sessions had zeros of their own
+//   t        time since the last tare, removal of a tare or free rest
+//   rate     what calibrate has seen (zero_rate_per_h), else the standard deviation of the force in each hour
+//   hidden   0 after a tare; K sd^2 after a free rest
+//   moved    K Y, by which free rests have moved the zero since the tare; all of it may be a load that grows slowly
+//   stepped  the sum of what the device may have moved at each restart since then, without a difference that was seen
+//   shift    zero_shift of the calibration, until the first tare of one whose sessions had zeros of their own
 //
-// The mean Y of a free rest, relative to the tare, is a drift with the variance P = (rate time since the tare)^2 plus a
-// light load of the sensor's own standard deviation sd, so that K = P / (P + sd^2) of it is drift. Rests do not add up,
-// because their load may be the same.
+// The mean Y of a free rest, relative to the tare, is a drift with the variance P = (rate time since the tare)^2 + (stepped
+// since the tare / 3)^2 plus a light load of the sensor's own standard deviation sd, so that K = P / (P + sd^2) of it is
+// drift. Rests do not add up, because their load may be the same.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -20,6 +21,7 @@
 #include <cstdint>
 #include <limits>
 #include <tuple>
+#include <utility>
 
 #include "decoupling/decoupler.hpp"
 
@@ -45,9 +47,29 @@ public:
         known_ns_ = known_ns;
         forget_rests();
     }
+    // A tare has measured the zero, or was removed: that of the calibration has made the steps before the tare, too. rt:
+    // wait-free
+    void tare(std::int64_t known_ns) noexcept {
+        for (std::size_t i = 0; i < stepped_.size(); ++i) before_tare_[i] += stepped_[i];
+        stepped_ = {};
+        know(known_ns);
+    }
+    void untare(std::int64_t known_ns) noexcept {
+        step(std::exchange(before_tare_, {}));
+        know(known_ns);
+    }
+    // The device may have started again, and its force has differed by no more than this; NaN: not measured. rt: wait-free
+    void step(const Wrench& tolerance) noexcept {
+        for (std::size_t i = 0; i < stepped_.size(); ++i)
+            if (tolerance[i] > 0) stepped_[i] += tolerance[i];
+        next_ns_ = std::numeric_limits<std::int64_t>::min();
+    }
+    [[nodiscard]] const Wrench& stepped() const noexcept { return stepped_; }
+
     // Another method computes the force: its zero has not moved as far. rt: wait-free
     void forget_rests() noexcept {
         since_ns_.fill(known_ns_);
+        rested_ = {};
         hidden_ = moved_ = {};
         next_ns_ = std::numeric_limits<std::int64_t>::min();
     }
@@ -58,8 +80,8 @@ public:
         is_shifted_ = is_shifted;
         next_ns_ = t_ns + kRest_ns;  // rates are slow
         for (std::size_t i = 0; i < variance_.size(); ++i)
-            variance_[i] = hidden_[i] + square(moved_[i] / kSure) + square(drift(i, t_ns - since_ns_[i])) +
-                           (is_shifted ? square(rates_.shift[i]) : 0);
+            variance_[i] = hidden_[i] + square(moved_[i] / kSure) + square((stepped_[i] - rested_[i]) / kSure) +
+                           square(drift(i, t_ns - since_ns_[i])) + (is_shifted ? square(rates_.shift[i]) : 0);
     }
     // Takes the mean force of a free rest, after the zero in use, and the standard deviation of a force there; NaN: not
     // measured. A component beyond both this and what the rest before hid may be a load, so that the rest shows nothing. No
@@ -70,11 +92,12 @@ public:
                 std::isnan(sd[i]) != std::isnan(force_S[i]))
                 return;
         for (std::size_t i = 0; i < sd.size(); ++i) {
-            const double drifted = drift(i, t_ns - known_ns_), load = square(sd[i]);
+            const double drifted = std::hypot(drift(i, t_ns - known_ns_), stepped_[i] / kSure), load = square(sd[i]);
             const double part = square(drifted) / (square(drifted) + load), moved = part * (moved_[i] + force_S[i]);
             if (!(std::abs(moved) <= kSure * drifted)) continue;
             hidden_[i] = part * load;
             moved_[i] = moved;
+            rested_[i] = stepped_[i];
             since_ns_[i] = next_ns_ = t_ns;
         }
     }
@@ -108,6 +131,7 @@ private:
     bool is_shifted_ = false;
     std::array<std::int64_t, std::tuple_size_v<Wrench>> since_ns_{};
     Wrench hidden_{}, moved_{}, variance_{};
+    Wrench stepped_{}, rested_{}, before_tare_{};  // since the tare; at the last rest; before the tare
 };
 
 }  // namespace tactiled

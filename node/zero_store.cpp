@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <chrono>
 #include <cmath>
@@ -62,15 +63,23 @@ std::string numbers_of(const Wrench& wrench) {
     return fmt::format("{}", fmt::join(numbers, ", "));
 }
 
-// The last force of a run that kept nothing but its samples.
+// The numbers of a last force in the file.
+std::array<std::pair<const char*, Wrench*>, 3> wrenches_of(LastForce& last) {
+    return {{{"raw_S", &last.raw_S}, {"tolerance", &last.tolerance}, {"stepped", &last.stepped}}};
+}
+
+// The last force of a run that kept nothing but its samples, whose sd contains that of the zero.
 std::optional<LastForce> last_force(const tactiled_sample& s) {
-    constexpr double kSame = 2;
+    constexpr double kSame = 2, kSure = 3;
     if ((s.reasons & (TACTILED_STEPPED | TACTILED_ZERO_UNKNOWN)) != 0 || (s.state & TACTILED_LOW_PASS) != 0)
         return std::nullopt;
     LastForce last;
     last.raw_S = wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm);
     last.tolerance = wrench_of(s.sd_force_N, s.sd_torque_Nm);
-    for (double& each : last.tolerance) each *= kSame;
+    for (std::size_t i = 0; i < last.tolerance.size(); ++i) {
+        last.stepped[i] = kSure * last.tolerance[i];
+        last.tolerance[i] *= kSame;
+    }
     return last;
 }
 
@@ -173,9 +182,8 @@ void ZeroStore::load(const std::string& path) {
             }
             for (auto& last : table.tables("last", 1)) {
                 LastForce& force = kept.last.emplace();
-                for (Wrench* const to : {&force.raw_S, &force.tolerance}) {
-                    const auto numbers = last.numbers(to == &force.raw_S ? "raw_S" : "tolerance", {-kMaxNumber, kMaxNumber},
-                                                      {to->size(), to->size()});
+                for (const auto& [key, to] : wrenches_of(force)) {
+                    const auto numbers = last.numbers(key, {-kMaxNumber, kMaxNumber}, {to->size(), to->size()});
                     std::copy_n(numbers.begin(), std::min(numbers.size(), to->size()), to->begin());
                 }
             }
@@ -329,8 +337,9 @@ std::string ZeroStore::text() const {
             out += fmt::format("[[sensor.zero]]\nmethod = {}\nwrench_S = [{}]\n", toml_text(method), numbers_of(wrench));
         }
         if (kept.last)
-            out += fmt::format("[[sensor.last]]\nraw_S = [{}]\ntolerance = [{}]\n", numbers_of(kept.last->raw_S),
-                               numbers_of(kept.last->tolerance));
+            for (LastForce last = *kept.last; const auto& [key, wrench] : wrenches_of(last))
+                out +=
+                    fmt::format("{}{} = [{}]\n", wrench == &last.raw_S ? "[[sensor.last]]\n" : "", key, numbers_of(*wrench));
     }
     return sealed(out);
 }

@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "decoupling/fit/fit.hpp"
+#include "decoupling/fit/recording_checks.hpp"
 #include "node/quiet_check.hpp"
 #include "node/sensor.hpp"
 #include "node/setup.hpp"
@@ -197,6 +198,37 @@ Count changed(const std::filesystem::path& folder, Made made, const Calibration&
     return count;
 }
 
+// A real skin (tests/data/eflesh): the rests of a part of its recording, and whether the rest of it alarms, as it is and
+// with a sixteenth of its numbers.
+void run_skin(const std::filesystem::path& folder) {
+    constexpr double kPart = 0.7;  // a shorter one has fewer than 200 readings of held loads
+    const std::string packed = TACTILED_SOURCE_DIR "/tests/data/eflesh/shear_labelled.csv.xz", file = folder / "shear.csv";
+    if (std::system(fmt::format("xz -dc {} > {}", packed, file).c_str()) != 0) throw SetupError(packed + ": xz failed");
+    const Labelled skin = read_labelled(file, {});
+    Rows calibrated, other;
+    for (const auto& row : skin.rows)
+        (double(calibrated.size()) < kPart * double(skin.rows.size()) ? calibrated : other).push_back(&row);
+    const Repeats repeats = repeats_of(calibrated);
+    if (repeats.noise.empty()) throw SetupError(packed + ": has no rests");
+    Tuning tuning;
+    tuning.least_noise_ns = std::uint64_t(repeats.interval_s * 1e9);
+    for (std::size_t k = 0; k < repeats.noise.size(); ++k)
+        tuning.least_noise_of[k] = 2 * repeats.noise[k] * repeats.noise[k] / 16;
+    for (const double scale : {1., 1. / 16}) {
+        QuietCheck check;
+        int alarms = 0;
+        double first_s = kNaN;
+        const auto seconds = [&](const LabelledRow& row) { return double(row.t_ns - other[0]->t_ns) * 1e-9; };
+        for (const auto* row : other) {
+            Numbers numbers = row->channel;
+            for (double& x : numbers) x *= scale;
+            if (check.judge(numbers, ~0u, row->t_ns, tuning) && alarms++ == 0) first_s = seconds(*row);
+        }
+        fmt::print("skin, {}: {} alarms in {:.0f} s, first after {:.2f} s\n", scale == 1 ? "unchanged" : "scaled", alarms,
+                   seconds(*other.back()), first_s);
+    }
+}
+
 void run() {
     const std::filesystem::path folder = std::filesystem::temp_directory_path() / fmt::format("quiet.{}", getpid());
     std::filesystem::create_directory(folder);
@@ -216,6 +248,7 @@ void run() {
                        is_seen ? "restart seen" : "not seen", 100. * count.wrong / count.samples,
                        100. * before.wrong / before.samples, count.last_s);
         }
+    run_skin(folder);
     int alarms = 0, samples = 0;
     for (int number = 0; number < kSensors; ++number) {
         Made made(number);

@@ -149,7 +149,7 @@ enum tactiled_use {
       "accept_too_quiet = true in its [[sensor]]")                                                                          \
     X(ZERO_UNKNOWN, "zero-unknown", TACTILED_UNCERTAIN, 22, "ZERO_UNKNOWN", TACTILED_FOR_ZERO,                              \
       "zero unknown: its tare was lost, its calibration needs one, or the device may have started again",                   \
-      "tare it without a load")                                                                                             \
+      "tare it without a load; if that is refused, restart the device without a load first")                                \
     X(ZERO_OLD, "zero-old", TACTILED_UNCERTAIN, 24, "ZERO_OLD", TACTILED_FOR_ZERO | TACTILED_FOR_WEIGHT,                    \
       "the zero was last known too long ago", "tare it without a load, or let it rest")                                     \
     X(UNKNOWN_UNCERTAINTY, "sd-unknown", TACTILED_UNCERTAIN, 12, "NO_UNCERTAINTY", TACTILED_ZC_ | TACTILED_FOR_WEIGHT,      \

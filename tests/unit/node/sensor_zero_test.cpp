@@ -78,12 +78,37 @@ TEST(SensorZero, ADeviceThatStartsAgainWithTheSameForceIsGoodAtOnce) {
 }
 
 TEST(SensorZero, ADeviceThatGoesOnIsGoodUnderAnyForce) {
-    Watched counting(true);
-    counting.wait(3000);
-    EXPECT_EQ(counting.send(-11).quality, unsigned(TACTILED_GOOD));
-    Watched plain(false);
-    plain.wait(50);
-    EXPECT_EQ(plain.send(-11).quality, unsigned(TACTILED_GOOD)) << "a blink";
+    for (const bool counts : {true, false}) {
+        Watched watched(counts);
+        watched.wait(50);
+        EXPECT_EQ(watched.send(-11).quality, unsigned(TACTILED_GOOD)) << "a blink";
+    }
+}
+
+// Its counter goes on, but the sensor at its amplifier may be another one.
+TEST(SensorZero, ALongTimeWithoutAValueIsASilence) {
+    for (const bool sends : {true, false}) {
+        Watched watched(true);
+        if (sends)
+            (void)watched.send(kNaN, 3000);
+        else
+            watched.wait(3000);
+        EXPECT_EQ(watched.send(-11).reasons, kUnknown) << sends;
+    }
+}
+
+// Each restart may have moved the zero by as much as the force may differ.
+TEST(SensorZero, RestartsWithTheSameForceAgeTheZero) {
+    Watched watched(true);
+    const double before = watched.send(-15).sd_force_N[2];
+    for (int i = 0; i < 20; ++i) {
+        watched.wait(300, false);
+        EXPECT_EQ(watched.send(-15 - 0.005 * i, 20).quality, unsigned(TACTILED_GOOD)) << i;
+    }
+    EXPECT_GT(watched.send(-15).sd_force_N[2], 5 * before);
+    EXPECT_GT(watched.sensor().last_force()->stepped[2], 0.1);
+    watched.tare();
+    EXPECT_NEAR(watched.send(0).sd_force_N[2], before, 0.01 * before);
 }
 
 TEST(SensorZero, AnotherDeviceIsDoubted) {
