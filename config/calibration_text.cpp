@@ -119,8 +119,9 @@ std::string calibration_text(const Calibration& calibration) {
         out.numbers("temperature.zero_per_K", temperature.zero_per_K);
         out.numbers("temperature.gain_per_K", temperature.gain_per_K);
     }
-    if (const Repeats& repeats = calibration.repeats; !repeats.readings.empty()) {
-        out.line("repeats.readings", fmt::format("[{}]", fmt::join(repeats.readings, ", ")));
+    if (const Repeats& repeats = calibration.repeats; !repeats.readings.empty() || !repeats.noise.empty()) {
+        if (!repeats.readings.empty())
+            out.line("repeats.readings", fmt::format("[{}]", fmt::join(repeats.readings, ", ")));
         out.line("repeats.interval_s", toml_number(repeats.interval_s));
         out.numbers("repeats.noise", repeats.noise);
     }

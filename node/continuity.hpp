@@ -25,27 +25,29 @@ public:
             std::exchange(before_, {t_ns, frame.device_time_us, frame.sequence, frame.opening, frame.has_sequence});
         if (rate_Hz > 0) rate_Hz_ = rate_Hz;
         const unsigned bits = std::min(width_.of(frame.sequence), unsigned{frame.sequence_bits});
+        is_proved_ = false;
         if (before.t_ns == 0) return true;
         if (frame.restarted) return false;
         const double passed_s = double(std::int64_t(t_ns - before.t_ns)) * 1e-9;
 
-        bool is_proved = false;
         if (frame.has_sequence && before.has_sequence) {
             const std::uint32_t mask = bits >= 32 ? ~0u : (1u << bits) - 1;
             const std::uint32_t ahead = (frame.sequence - before.sequence) & mask;
             const double possible = kFaster * step_ * rate_Hz_ * (passed_s + kBurst_s);
             if (possible < mask / 2 && (ahead == 0 || ahead > possible)) return false;  // not with NaN
-            is_proved = possible < mask / kChance;
+            is_proved_ = possible < mask / kChance;
             if (ahead <= mask / 2) step_ = std::isnan(step_) ? ahead : step_ + (ahead - step_) / kSteps;
         }
         if (frame.device_time_us != 0 && before.device_time_us != 0) {
             const auto clock_us = std::uint32_t(frame.device_time_us - before.device_time_us);
             const double late_s = std::int32_t(std::uint32_t(std::int64_t(passed_s * 1e6)) - clock_us) * 1e-6;
             if (late_s > passed_s || std::abs(late_s) > kHeld_s) return false;  // it went back, or is another one
-            is_proved = true;
+            is_proved_ = true;
         }
-        return passed_s * 1e9 < double(gap_ns) && (is_proved || frame.opening == before.opening);
+        return passed_s * 1e9 < double(gap_ns) && (is_proved_ || frame.opening == before.opening);
     }
+    // Returns true if a counter or clock shows that the device of the last two frames has not started again in between.
+    [[nodiscard]] bool has_proof() const noexcept { return is_proved_; }
 
 private:
     static constexpr double kBurst_s = 1;          // frames that waited come faster, for so long
@@ -60,6 +62,7 @@ private:
         bool has_sequence = false;
     };
     Known before_;
+    bool is_proved_ = false;
     CounterWidth width_;
     double rate_Hz_ = std::numeric_limits<double>::quiet_NaN();
     double step_ = std::numeric_limits<double>::quiet_NaN();  // mean, of the counter in one frame

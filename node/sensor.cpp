@@ -77,7 +77,11 @@ inline void Sensor::follow_device(const Frame& frame) noexcept {
     constexpr std::uint64_t kStart_ns = 1'000'000'000;  // a device needs this time to start
     const std::uint64_t t_ns = frame.t_ns + suspended_ns_, gap_ns = tuning_->stale_ns + kStart_ns;
     if (continuity_.goes_on(frame, t_ns, double(stream_.rate_Hz()), gap_ns)) return;
-    if (!std::exchange(may_be_another_, true)) jumps_.mark();
+    if (!std::exchange(may_be_another_, true)) {
+        jumps_.mark();
+        may_have_started_ = false;
+    }
+    may_have_started_ |= !continuity_.has_proof();
 }
 
 // A value that has left the motion may be wrong until the next one confirms it.
@@ -88,7 +92,7 @@ inline void Sensor::judge_jump(std::uint32_t lost, tactiled_sample& s) noexcept 
     if (!jumps_.confirm(raw_S, sd, s.t_ns, lost))
         s.reasons |= TACTILED_STEPPED;
     else if (std::exchange(may_be_another_, false))
-        agrees ? zero_.step(jumps_.marked().tolerance) : zero_.doubt();
+        zero_.judge(agrees, may_have_started_ ? jumps_.marked().tolerance : Wrench{});
     if (jumps_.is_frequent()) s.reasons |= TACTILED_GLITCHES;
 }
 
@@ -367,7 +371,7 @@ void Sensor::restore_zero(const TaredZero& zero, std::int64_t age_ns, const std:
     if (!last) return zero_.doubt();
     zero_.step(last->stepped);
     jumps_.mark(*last);
-    may_be_another_ = true;
+    may_be_another_ = may_have_started_ = true;
 }
 
 void Sensor::set(const SensorSettable& settable) noexcept {

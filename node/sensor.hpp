@@ -222,7 +222,8 @@ private:
     StreamQuality stream_;
     JumpCheck jumps_;
     Continuity continuity_;
-    bool may_be_another_ = false;  // the device may have started again or been exchanged since the last confirmed sample
+    bool may_have_started_ = false;  // the device may have started again since then
+    bool may_be_another_ = false;    // the device may have started again or been exchanged since the last confirmed sample
     Agreement agreement_;
     Zero zero_;
     TareWindow rest_;          // the last samples without contact

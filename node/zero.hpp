@@ -99,7 +99,15 @@ public:
     void rest(const Wrench& force_S, const Wrench& sd) noexcept {
         if (!is_missing() && !has_shifted()) error_.rest(force_S, sd, now_ns_);
     }
-    // The device may have started again, and its force has differed by no more than this. rt: wait-free
+    // The device may have been exchanged or started again. `agrees`: its force is the one before; a start may have moved it
+    // by this. rt: wait-free
+    void judge(bool agrees, const Wrench& tolerance) noexcept {
+        if (agrees)
+            error_.step(tolerance);
+        else
+            doubt();
+    }
+    // Restarts before this run may have moved the zero by this. setup
     void step(const Wrench& tolerance) noexcept { error_.step(tolerance); }
     [[nodiscard]] const Wrench& stepped() const noexcept { return error_.stepped(); }
     // Another method computes the force. rt: wait-free

@@ -31,6 +31,7 @@ public:
 
     // Takes the rows from `begin` to before `end`, which have one load.
     void add(std::size_t begin, std::size_t end) {
+        if (end - begin < kRestRows || rows_[begin]->t_ns == 0) return;
         for (std::size_t c = 0; c < full_scale_.size(); ++c)
             if (std::abs(rows_[begin]->wrench_S[c]) > LoadPeak::kRest * full_scale_[c]) return;
         for (std::size_t k = 0; k < noise_.size(); ++k) {
@@ -47,14 +48,16 @@ public:
                                     [&](double step) { return step > kRounding * sd && step <= kSteps * sd; });
         }
     }
-    // 0 for a channel whose steps are too large to show its noise.
+    // 0 for a channel whose steps are too large to show its noise; empty without a stretch.
     [[nodiscard]] std::vector<double> noise() const {
+        if (noise_.front() == kUnknown) return {};
         std::vector<double> noise;
-        for (std::size_t k = 0; k < noise_.size(); ++k) noise.push_back(noise_[k] < kUnknown && shows_[k] ? noise_[k] : 0);
+        for (std::size_t k = 0; k < noise_.size(); ++k) noise.push_back(shows_[k] ? noise_[k] : 0);
         return noise;
     }
 
 private:
+    static constexpr std::size_t kRestRows = 10;
     static constexpr double kUnknown = std::numeric_limits<double>::infinity();
     // Of the noise: the largest step of a channel that shows it, and that of a number which text or a float has rounded.
     static constexpr double kSteps = 0.5, kRounding = 0.01;
@@ -82,9 +85,9 @@ Repeats repeats_of(const Rows& rows) {
         for (end = begin + 1; end < rows.size() && follows(end); ++end)
             if (rows[end]->t_ns > rows[end - 1]->t_ns)
                 all_intervals_ns.push_back(double(rows[end]->t_ns - rows[end - 1]->t_ns));
+        quietest.add(begin, end);
         if (end - begin < kHeldRows) continue;
         looked_at += end - begin;
-        quietest.add(begin, end);
         for (std::size_t i = begin + 1; i < end; ++i)
             if (rows[i]->t_ns > rows[i - 1]->t_ns) intervals_ns.push_back(double(rows[i]->t_ns - rows[i - 1]->t_ns));
         for (std::size_t k = 0; k < n; ++k) {
@@ -96,11 +99,12 @@ Repeats repeats_of(const Rows& rows) {
             }
         }
     }
-    if (looked_at < kRowsNeeded) return {.readings = {}, .interval_s = median_s(all_intervals_ns)};
+    if (looked_at < kRowsNeeded)
+        return {.readings = {}, .interval_s = median_s(all_intervals_ns), .noise = quietest.noise()};
     for (std::size_t k = 0; k < n; ++k)
         if (endless[k]) repeats.readings[k] = 0;
     repeats.interval_s = median_s(intervals_ns);
-    if (repeats.interval_s > 0) repeats.noise = quietest.noise();
+    repeats.noise = quietest.noise();
     return repeats;
 }
 

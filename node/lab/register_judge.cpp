@@ -234,6 +234,14 @@ private:
     std::vector<double> word_bits_;  // each register that belongs to no number, in any order of bytes
 };
 
+// True if the numbers differ by constants, as those of a signed and of an unsigned integer that do not cross 0.
+bool moves_alike(const Interpretation& a, const Interpretation& b) {
+    for (std::size_t k = 0; k < a.numbers.size(); ++k)
+        for (std::size_t i = 0; i < a.numbers[k].size(); ++i)
+            if (a.numbers[k][i] - a.numbers[k][0] != b.numbers[k][i] - b.numbers[k][0]) return false;
+    return true;
+}
+
 }  // namespace
 
 const char* name_of(NumberType type) { return format_of(type).name; }
@@ -280,7 +288,8 @@ std::vector<std::size_t> equals(const std::vector<Interpretation>& ranked) {
                                std::size_t(std::abs(one.at - best.at)) % words_of(one.type) == 0;
         // the codes of two types of the same bits lose the same
         const double loss = same_order && one.at == best.at ? 0 : kLossBits * double(best.numbers[0].size());
-        if (is_beside || one.bits < best.bits + kRareBits + loss) found.push_back(i);
+        const bool is_alike = same_order && one.at == best.at && one.plausible && moves_alike(one, best);
+        if (is_beside || is_alike || one.bits < best.bits + kRareBits + loss) found.push_back(i);
     }
     return found;
 }

@@ -23,16 +23,15 @@
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/recording_checks.hpp"
 #include "node/quiet_check.hpp"
-#include "node/sensor.hpp"
-#include "node/setup.hpp"
+#include "tests/bench/running.hpp"
 
 namespace tactiled {
 namespace {
 
 constexpr double kFullScale_N = 10, kNoise = 8, kWidth = 16'000, kRate_Hz = 100;  // counts
 constexpr int kSensors = 40;
+constexpr auto kPeriod_ns = std::uint64_t(1e9 / kRate_Hz);
 using Force = std::array<double, 3>;
-using Numbers = std::vector<double>;
 
 // Words of float32 numbers, as a device has them in its registers: the high word first.
 std::vector<std::uint16_t> words_of(const Numbers& numbers) {
@@ -137,39 +136,6 @@ private:
     Numbers zero_;
 };
 
-class Running {
-public:
-    Running(const std::filesystem::path& folder, const Calibration& calibration, const std::string& keys) {
-        save_calibration(calibration, folder / "made.toml");
-        std::string channels;
-        for (const std::string& name : calibration.channels) channels += fmt::format("\"{}\", ", name);
-        std::ofstream(folder / "tactiled.toml")
-            << "[[link]]\nname = \"line\"\ndriver = \"uart\"\ndevice = \"/dev/null\"\nformat = \"cobs\"\n[[sensor]]\n"
-               "name = \"made\"\nlink = \"line\"\nmodel = \"generic\"\ncalibration = \"made.toml\"\nchannels = ["
-            << channels << "]\n"
-            << keys;
-        Problems problems;
-        node_ = load_node(folder / "tactiled.toml", problems);
-        problems.throw_if_any();
-        node_.sensors[0].start(1, 0);
-    }
-    tactiled_sample send(const Numbers& numbers) {
-        Frame frame;
-        frame.n_channels = std::uint8_t(numbers.size());
-        std::copy(numbers.begin(), numbers.end(), frame.channel.begin());
-        t_ns_ += std::uint64_t(1e9 / kRate_Hz);
-        frame.t_ns = t_ns_;
-        frame.device_time_us = (t_ns_ - started_ns_) / 1000 + 1;
-        return node_.sensors[0].sample(frame, t_ns_);
-    }
-    void tare() { node_.sensors[0].begin_tare(t_ns_); }
-    void restart_device() { started_ns_ = t_ns_; }
-
-private:
-    Node node_;
-    std::uint64_t t_ns_ = 0, started_ns_ = 0;
-};
-
 struct Count {
     int wrong = 0, samples = 0;
     double last_s = 0;
@@ -180,15 +146,15 @@ Count changed(const std::filesystem::path& folder, Made made, const Calibration&
               bool is_seen, const std::string& keys) {
     Running running(folder, calibration, keys);
     const auto seconds = [](double s) { return int(s * kRate_Hz); };
-    for (int i = 0; i < seconds(1); ++i) (void)running.send(made.read({}));
+    for (int i = 0; i < seconds(1); ++i) (void)running.send(made.read({}), kPeriod_ns);
     running.tare();
-    for (int i = 0; i < seconds(5); ++i) (void)running.send(made.read({}));
+    for (int i = 0; i < seconds(5); ++i) (void)running.send(made.read({}), kPeriod_ns);
     if (is_seen) running.restart_device();
     Count count;
     Force force{};
     for (int i = 0; i < seconds(10); ++i, ++count.samples) {
         if (i == seconds(5)) force = made.load();
-        const tactiled_sample s = running.send(change.read(made.read(force)));
+        const tactiled_sample s = running.send(change.read(made.read(force)), kPeriod_ns);
         bool wrong = false;
         for (std::size_t c = 0; c < 3; ++c) wrong |= std::abs(s.force_S_N[c] - force[c]) > 0.1 * kFullScale_N;
         if (s.quality != TACTILED_GOOD || !wrong) continue;
@@ -256,7 +222,7 @@ void run() {
         Force force{};
         for (int i = 0; i < int(100 * 3600 * kRate_Hz / kSensors); ++i, ++samples) {
             if (i % int(10 * kRate_Hz) == 0) force = i % int(20 * kRate_Hz) == 0 ? Force{} : made.load();
-            alarms += (running.send(made.read(force)).reasons & TACTILED_TOO_QUIET) != 0 ? 1 : 0;
+            alarms += (running.send(made.read(force), kPeriod_ns).reasons & TACTILED_TOO_QUIET) != 0 ? 1 : 0;
         }
     }
     fmt::print("unchanged: {} of {} samples too quiet, {:.0f} h\n", alarms, samples, samples / kRate_Hz / 3600);

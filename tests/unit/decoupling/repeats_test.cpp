@@ -72,6 +72,19 @@ TEST(Repeats, TheNoiseIsThatOfTheQuietestRest) {
     EXPECT_EQ(of_noise(2, 3, 3).noise, std::vector<double>{0}) << "two steps of the channel do not show it";
 }
 
+TEST(Repeats, RestsOfAFewRowsTellTheNoise) {
+    std::mt19937 random(1);
+    std::normal_distribution<double> normal;
+    auto labelled = held_loads(10, 12, [&](std::size_t) { return 3 * normal(random); });
+    for (auto& row : labelled.rows) row.wrench_S[2] = -double((row.line - 2) / 12 % 2);
+    const Repeats found = repeats(labelled);
+    EXPECT_TRUE(found.readings.empty());
+    ASSERT_EQ(found.noise.size(), 1u);
+    EXPECT_NEAR(found.noise[0], 3, 1.5);
+    for (auto& row : labelled.rows) row.wrench_S[2] = -1;
+    EXPECT_TRUE(repeats(labelled).noise.empty()) << "no rest";
+}
+
 TEST(Repeats, ComeBackFromAFile) {
     Calibration calibration;
     calibration.path = "c.toml";

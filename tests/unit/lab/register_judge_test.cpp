@@ -130,6 +130,20 @@ TEST(RegisterJudge, PositiveIntegersMayBeSignedOrNot) {
     for (const std::size_t i : like_best) EXPECT_EQ(words_of(ranked[i].type), 1u) << ranked[i].text();
 }
 
+// A number that never crosses 0, as one sign reads it, is as smooth for the other one.
+TEST(RegisterJudge, ASignThatNeverShowsIsNotDecided) {
+    for (const NumberType type : {NumberType::uint16, NumberType::int16, NumberType::uint32, NumberType::int32})
+        for (const double part : {0.02, 0.2, 0.45, 0.55, 0.8, 0.98}) {  // of all values of the type
+            const bool is_signed = type == NumberType::int16 || type == NumberType::int32;
+            const double span = std::exp2(16. * double(words_of(type)));
+            const double middle = is_signed && part > 0.5 ? (part - 1) * span : part * span, move = 0.01 * span;
+            const auto answers = pressed({type, false, false}, {{middle, move, move / 300}, {middle, -move, move / 300}}, 1);
+            const auto ranked = judge_registers(answers, 100, answers.rows[0].size());
+            EXPECT_FALSE(is_clear(ranked)) << name_of(type) << " " << part << ": " << ranked.front().text();
+            EXPECT_EQ(words_of(ranked.front().type), words_of(type));
+        }
+}
+
 TEST(RegisterJudge, RandomWordsAreNoSensor) {
     std::mt19937_64 random(3);
     RegisterRows answers{100, {}};

@@ -101,6 +101,8 @@ TEST(SensorZero, ALongTimeWithoutAValueIsASilence) {
 TEST(SensorZero, RestartsWithTheSameForceAgeTheZero) {
     Watched watched(true);
     const double before = watched.send(-15).sd_force_N[2];
+    watched.wait(3000);
+    EXPECT_EQ(watched.send(-15).sd_force_N[2], before) << "a device that has gone on has not moved it";
     for (int i = 0; i < 20; ++i) {
         watched.wait(300, false);
         EXPECT_EQ(watched.send(-15 - 0.005 * i, 20).quality, unsigned(TACTILED_GOOD)) << i;

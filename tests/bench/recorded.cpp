@@ -1,0 +1,82 @@
+// Real recordings through a sensor of the daemon: the share of the rows that the method calls GOOD, and the share that the
+// sensor calls GOOD with its checks of the stream, of jumps, of noise and of the zero. Calibrated on one part, tared on the
+// first rows of the other one.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+
+#include "decoupling/fit/fit.hpp"
+#include "tests/bench/running.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::size_t kTare = 20;  // rows
+
+struct Shares {
+    std::size_t rows = 0, method = 0, sensor = 0, stepped = 0;
+    double seconds = 0;
+};
+
+Shares judge(const std::filesystem::path& folder, const Labelled& calibrated, const Labelled& other) {
+    const Calibration calibration =
+        fit(calibrated, {.model = "generic", .method = "matrix", .serial = "", .date = "2026-01-01"}).calibration;
+    const auto decoupler = make_decoupler(calibration);
+    Running running(folder, calibration, "stale_ms = 2000\n");
+    Shares shares;
+    std::uint64_t before_ns = other.rows.front().t_ns;
+    for (std::size_t i = 0; i < other.rows.size(); ++i) {
+        const LabelledRow& row = other.rows[i];
+        if (i == 1) running.tare();
+        const tactiled_sample s = running.send(row.channel, row.t_ns - before_ns + (i == 0 ? 1 : 0));
+        before_ns = row.t_ns;
+        const Estimate e = decoupler->decouple({.channel = row.channel, .t_ns = row.t_ns});
+        if (i < kTare) continue;
+        ++shares.rows;
+        shares.method += e.quality() == TACTILED_GOOD ? 1 : 0;
+        shares.sensor += s.quality == TACTILED_GOOD ? 1 : 0;
+        shares.stepped += (s.reasons & TACTILED_STEPPED) != 0 ? 1 : 0;
+    }
+    shares.seconds = double(other.rows.back().t_ns - other.rows.front().t_ns) * 1e-9;
+    return shares;
+}
+
+void run() {
+    const std::string data = TACTILED_SOURCE_DIR "/tests/data/";
+    const std::filesystem::path folder = std::filesystem::temp_directory_path() / fmt::format("recorded.{}", getpid());
+    std::filesystem::create_directory(folder);
+    const auto unpacked = [&](const std::string& name) {
+        const std::string path = folder / "unpacked.csv";
+        if (std::system(fmt::format("xz -dc {}{}.csv.xz > {}", data, name, path).c_str()) != 0)
+            throw SetupError(name + ": xz failed");
+        return path;
+    };
+    const auto session = [&](const char* name) {
+        return read_labelled(data + "eflesh/normal_labelled.csv", {.sessions = {name}, .channels = {}});
+    };
+    Labelled train = read_labelled(unpacked("tongs/train_labelled"), {});
+    Labelled shear = read_labelled(unpacked("eflesh/shear_labelled"), {}), later = shear;
+    shear.rows.resize(shear.rows.size() / 2);
+    later.rows.erase(later.rows.begin(), later.rows.begin() + std::ptrdiff_t(shear.rows.size()));
+    Shares all;
+    const auto print = [&](const char* name, const Shares& s) {
+        fmt::print("{}: {:.0f} s, {} rows: method {:.2f} % GOOD, sensor {:.2f} %, {:.2f} % stepped\n", name, s.seconds,
+                   s.rows, 100. * double(s.method) / double(s.rows), 100. * double(s.sensor) / double(s.rows),
+                   100. * double(s.stepped) / double(s.rows));
+        all = {all.rows + s.rows, all.method + s.method, all.sensor + s.sensor, all.stepped + s.stepped,
+               all.seconds + s.seconds};
+    };
+    print("skin, session 1", judge(folder, session("2"), session("1")));
+    print("skin, session 2", judge(folder, session("1"), session("2")));
+    print("skin, shear", judge(folder, shear, later));
+    print("tongs", judge(folder, train, read_labelled(unpacked("tongs/test_labelled"), {})));
+    print("all", Shares(all));
+    std::filesystem::remove_all(folder);
+}
+
+}  // namespace
+}  // namespace tactiled
+
+int main() { tactiled::run(); }
