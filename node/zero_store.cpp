@@ -59,7 +59,7 @@ std::int64_t age_ns(const std::string& then) {
 // A number that is not known is as large as the file can have.
 std::string numbers_of(const Wrench& wrench) {
     std::vector<std::string> numbers;
-    for (const double x : wrench) numbers.push_back(fmt::format("{:.17e}", std::isnan(x) ? kMaxNumber : x));
+    for (const double x : wrench) numbers.push_back(fmt::format("{:.17e}", x < kMaxNumber ? x : kMaxNumber));
     return fmt::format("{}", fmt::join(numbers, ", "));
 }
 

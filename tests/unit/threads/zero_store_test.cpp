@@ -106,6 +106,23 @@ TEST_F(ZeroStoreTest, ARestoredZeroIsDoubtedUnderAnotherForce) {
     EXPECT_EQ(text(), kept) << "a run that ends without a word changes nothing";
 }
 
+// Each restart may have moved the zero by as much as is not seen, always the same way.
+TEST_F(ZeroStoreTest, RestartsWithTheSameForceAgeTheZero) {
+    run_and_tare();
+    std::vector<double> sd_N;
+    for (int run = 0; run < 6; ++run) {
+        ZeroStore store({path_, path_}, {owner()});
+        auto next = sensors();
+        store.restore(next);
+        (void)send(next[0], -20);
+        const tactiled_sample s = send(next[0], -20);
+        EXPECT_EQ(s.quality, unsigned(TACTILED_GOOD));
+        sd_N.push_back(s.sd_force_N[2]);
+        store.keep_last(next);
+    }
+    EXPECT_NEAR(sd_N.back(), Through::kSd_N * std::hypot(1, 2), 0.01 * Through::kSd_N) << "6 restarts of 1 sd each";
+}
+
 TEST_F(ZeroStoreTest, AfterAKillTheSegmentHasTheLastForce) {
     run_and_tare(true);
     tactiled_sample last{};
