@@ -120,8 +120,7 @@ std::string calibration_text(const Calibration& calibration) {
         out.numbers("temperature.gain_per_K", temperature.gain_per_K);
     }
     if (const Repeats& repeats = calibration.repeats; !repeats.readings.empty() || !repeats.noise.empty()) {
-        if (!repeats.readings.empty())
-            out.line("repeats.readings", fmt::format("[{}]", fmt::join(repeats.readings, ", ")));
+        if (!repeats.readings.empty()) out.line("repeats.readings", fmt::format("[{}]", fmt::join(repeats.readings, ", ")));
         out.line("repeats.interval_s", toml_number(repeats.interval_s));
         out.numbers("repeats.noise", repeats.noise);
     }

@@ -13,8 +13,8 @@
 namespace tactiled {
 
 // A device goes on if it was not silent for as long as a start or an exchange takes, and its counter and its clock go on:
-// the counter advances, by no more than the time allows; the clock advances with the time. Where its link was lost, one of
-// them must go on.
+// the counter advances, by no more than the time allows; the clock advances with the time. One of them must go on where
+// its link was lost.
 class Continuity {
 public:
     // Takes the device's next frame with a value, measured at `t_ns` of a clock that does not stop while the machine is

@@ -12,8 +12,8 @@
 
 namespace tactiled {
 
-// A confirmed force, and by how much the same force may differ from it later; NaN = not measured, or without an sd. What the
-// zero may have moved at restarts before.
+// A confirmed force, and by how much the same force may differ from it later; NaN = not measured, or without an sd.
+// `stepped`: what restarts before may have moved the zero.
 struct LastForce {
     Wrench raw_S = kUnseen, tolerance = kUnseen, stepped{};
 };

@@ -46,7 +46,7 @@ public:
     }
 
 private:
-    // Of white noise, so many differences have a sixteenth of their mean square once in 10^11 windows.
+    // White noise has a sixteenth of its mean square in so many differences once in 10^11 windows.
     static constexpr unsigned kEnough = 40;
     static constexpr std::uint64_t kWindow_ns = 500'000'000;
     static constexpr double kLoud = std::numeric_limits<double>::infinity();

@@ -59,7 +59,8 @@ public:
 private:
     static constexpr std::size_t kRestRows = 10;
     static constexpr double kUnknown = std::numeric_limits<double>::infinity();
-    // Of the noise: the largest step of a channel that shows it, and that of a number which text or a float has rounded.
+    // Relative to the noise: the largest step of a channel that shows it, and that of a number which text or a float has
+    // rounded.
     static constexpr double kSteps = 0.5, kRounding = 0.01;
     const Rows& rows_;
     Wrench full_scale_;

@@ -18,7 +18,7 @@ namespace tactiled {
 namespace {
 
 constexpr double kHour_s = 3600, kShortest_s = 60;  // creep after a touch is no drift; a minute outlasts most of it
-constexpr std::size_t kParts = 20;  // in a session: their means depend little on each other
+constexpr std::size_t kParts = 20;                  // in a session: their means depend little on each other
 constexpr std::size_t kFewestParts = 10;
 constexpr double kSure = 4;           // standard errors of a slope: once in 1000 by chance
 constexpr std::size_t kSessions = 5;  // fewer do not show a standard deviation

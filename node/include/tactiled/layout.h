@@ -143,7 +143,7 @@ enum tactiled_use {
       "check the wires, the shield and the supply; ask a device no faster than it measures")                                \
     X(OUTSIDE_DOMAIN, "outside-domain", TACTILED_UNCERTAIN, 11, "OUTSIDE_DOMAIN", TACTILED_FOR_ZERO | TACTILED_FOR_WEIGHT,  \
       "outside the calibrated domain", "reduce the load, or declare the temperature (tactilectl check has the line)")       \
-    X(TOO_QUIET, "too-quiet", TACTILED_UNCERTAIN, 25, "TOO_QUIET", 0,                                                      \
+    X(TOO_QUIET, "too-quiet", TACTILED_UNCERTAIN, 25, "TOO_QUIET", 0,                                                       \
       "less noise than in its calibration: another range, unit, order of bytes or firmware",                                \
       "restore the settings of the device and restart the daemon, or calibrate it again; if it may be so quiet, write "     \
       "accept_too_quiet = true in its [[sensor]]")                                                                          \

@@ -133,7 +133,7 @@ TEST(RegisterJudge, PositiveIntegersMayBeSignedOrNot) {
 // A number that never crosses 0, as one sign reads it, is as smooth for the other one.
 TEST(RegisterJudge, ASignThatNeverShowsIsNotDecided) {
     for (const NumberType type : {NumberType::uint16, NumberType::int16, NumberType::uint32, NumberType::int32})
-        for (const double part : {0.02, 0.2, 0.45, 0.55, 0.8, 0.98}) {  // of all values of the type
+        for (const double part : {0.02, 0.2, 0.45, 0.55, 0.8, 0.98}) {  // relative to all values of the type
             const bool is_signed = type == NumberType::int16 || type == NumberType::int32;
             const double span = std::exp2(16. * double(words_of(type)));
             const double middle = is_signed && part > 0.5 ? (part - 1) * span : part * span, move = 0.01 * span;
