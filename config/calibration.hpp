@@ -76,8 +76,8 @@ struct JointDomain {
 struct Repeats {
     std::vector<int> readings;  // per channel: longest run of equal readings; 0 = its end was not seen. Empty = unknown
     double interval_s = 0;      // median time between two readings; 0 = unknown
-    // Per channel, channel_unit: standard deviation of the noise in the quietest stretch without a load; 0 = below two steps
-    // of the channel, which do not show it. Empty = unknown
+    // Per channel, channel_unit: standard deviation of the noise in the quieter quarter of the stretches without a load; 0 =
+    // below two steps of the channel, which do not show it. Empty = unknown
     std::vector<double> noise{};
 };
 

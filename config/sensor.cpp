@@ -108,17 +108,15 @@ const Fields<SensorSettings>& sensor_fields() {
          "A stream on a network path that has neither a clock nor a counter may be tared and weighed with, although nothing "
          "shows when it was delayed."},
         {TACTILED_KEY(S, accept_too_quiet), d.accept_too_quiet,
-         "The device may have less noise than a quarter of that in the quietest rest of its calibration, for instance "
-         "because "
-         "the calibration was recorded beside a running motor. Otherwise its numbers count as scaled by another range, "
-         "unit, "
-         "byte order or firmware (too-quiet)."},
+         "The device may have less noise than a quarter of that at rest in its calibration, for instance "
+         "because the calibration was recorded beside a running motor. Otherwise its numbers count as scaled by another "
+         "range, unit, byte order or firmware (too-quiet)."},
         {TACTILED_KEY(S, zero_after), d.zero_after.c_str(), Choices{"keep", "doubt", "forget"},
-         "The zero after the device may have been restarted or exchanged: its counter or clock has not gone on, it had "
-         "no value for 1 s + stale_ms, its link was lost and it has neither, or the daemon was restarted after a tare. "
-         "\"doubt\": unless the force is the one "
-         "before, it "
-         "is UNCERTAIN (zero unknown) until a tare or its removal. \"keep\": the device always comes back with its zero. "
+         "The zero after the device may have been restarted or exchanged: its counter or clock has not gone on; it has "
+         "neither, and its link was lost or it was silent for 1 s + stale_ms; a channel was missing for as long; or the "
+         "daemon was restarted after a tare. "
+         "\"doubt\": unless the force is the one before, it is UNCERTAIN (zero unknown) until a tare or its removal. "
+         "\"keep\": the device always comes back with its zero. "
          "\"forget\": as \"doubt\", whatever the force is, for a device that zeroes itself when it starts."},
         {TACTILED_KEY(S, filter_hz), d.filter_hz, range(0, 10'000), "Hz",
          "Low-pass filter on force and torque (-3 dB at this frequency); 0 = off. Raw values are never filtered."},

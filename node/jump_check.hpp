@@ -56,16 +56,17 @@ public:
         }
         return last;
     }
-    // Returns true if the next sample, before confirm(), goes on from the marked motion; a component that is not checked
-    // does.
+    // Returns true if the next sample, before confirm(), goes on from the marked motion in all components that are checked.
     // rt: wait-free
     [[nodiscard]] bool agrees(const Wrench& wrench_S, std::uint32_t lost) const noexcept {
         const std::uint32_t steps = std::min(steps_ + 1 + std::min(lost, kMaxSteps), kMaxSteps);
+        bool is_known = false;
         for (std::size_t i = 0; i < value_.size(); ++i) {
             const double difference = std::abs(wrench_S[i] - marked_.raw_S[i] - steps * marked_step_[i]);
             if (difference > marked_.tolerance[i]) return false;  // not with NaN
+            is_known |= difference <= marked_.tolerance[i];
         }
-        return true;
+        return is_known;
     }
 
     // Takes the next sample, of which `lost` samples directly before it are missing. A component that is NaN, or has not had

@@ -38,7 +38,6 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     s.device_sequence = frame.has_sequence ? frame.sequence : 0;
     s.rate_Hz = stream_.rate_Hz();
     const Estimate e = estimate(frame, s);
-    if (e.has_value || frame.restarted) follow_device(frame);
     put(e, s);
     s.epoch = epoch();  // set after the estimate, because a channel that froze begins a new epoch
     judge_age(frame.age, s);
@@ -73,10 +72,10 @@ inline void Sensor::judge_age(Frame::Age age, tactiled_sample& s) const noexcept
 }
 
 // A device that starts may have another zero, unless its force is that before.
-inline void Sensor::follow_device(const Frame& frame) noexcept {
+inline void Sensor::follow_device(const Frame& frame, bool has_all) noexcept {
     constexpr std::uint64_t kStart_ns = 1'000'000'000;  // a device needs this time to start
     const std::uint64_t t_ns = frame.t_ns + suspended_ns_, gap_ns = tuning_->stale_ns + kStart_ns;
-    if (continuity_.goes_on(frame, t_ns, double(stream_.rate_Hz()), gap_ns)) return;
+    if (continuity_.goes_on(frame, has_all, t_ns, double(stream_.rate_Hz()), gap_ns)) return;
     if (!std::exchange(may_be_another_, true)) {
         jumps_.mark();
         may_have_started_ = false;
@@ -99,6 +98,7 @@ inline void Sensor::judge_jump(std::uint32_t lost, tactiled_sample& s) noexcept 
 // A frame that is older than stale_ms gives a BAD sample, as if the frame had not arrived.
 inline tactiled_sample Sensor::late_sample(const Frame& frame, std::uint64_t now_ns) noexcept {
     stream_.arrive_late(frame);
+    if (!is_of_another_device(frame)) follow_device(frame, true);
     tactiled_sample s = marker(now_ns);
     s.t_ns = frame.t_ns;
     s.device_sequence = frame.has_sequence ? frame.sequence : 0;
@@ -134,6 +134,7 @@ Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
     }
     std::array<double, kMaxChannels> raw;
     Reading reading = read(frame, raw);
+    follow_device(frame, reading.missing == 0);
     const std::size_t n = reading.channel.size();
     const auto all = std::uint32_t((std::uint64_t(1) << n) - 1);
     std::uint32_t dead = 0;
@@ -404,9 +405,10 @@ void Sensor::succeed(const Sensor& before) noexcept {
         thermometer_.succeed(before.thermometer_);
     suspended_ns_ = before.suspended_ns_;
     is_started_ = before.is_started_;
+    continuity_ = before.continuity_;
     zero_.succeed(before.zero_);
     if (before.zero_.tare_count() != 0 || before.zero_.is_lost()) zero_.lose();
-    if (before.zero_.is_doubted()) zero_.doubt();
+    if (before.zero_.is_doubted() || before.may_be_another_) zero_.doubt();
     set(before.requested_);
 }
 

@@ -194,7 +194,7 @@ private:
     void take_over_method() noexcept;
     void put_method(tactiled_sample& sample) const noexcept;
     inline void judge_age(Frame::Age age, tactiled_sample& sample) const noexcept;
-    inline void follow_device(const Frame& frame) noexcept;
+    inline void follow_device(const Frame& frame, bool has_all) noexcept;
     inline void judge_jump(std::uint32_t lost, tactiled_sample& sample) noexcept;
     inline void follow_tare(tactiled_sample& sample) noexcept;
     inline void judge_zero(tactiled_sample& sample) noexcept;
@@ -222,8 +222,8 @@ private:
     StreamQuality stream_;
     JumpCheck jumps_;
     Continuity continuity_;
-    bool may_have_started_ = false;  // the device may have started again since then
-    bool may_be_another_ = false;    // the device may have started again or been exchanged since the last confirmed sample
+    bool may_have_started_ = false;  // the device may have started again since the last confirmed sample
+    bool may_be_another_ = false;    // the same, or have been exchanged
     Agreement agreement_;
     Zero zero_;
     TareWindow rest_;          // the last samples without contact

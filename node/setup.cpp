@@ -147,12 +147,12 @@ void put_frozen(const Calibration& calibration, Tuning& tuning) {
 
 // Sets the least noise of the calibrated device. The driver's numbers are counts_per_unit times those of the calibration.
 void put_least_noise(const Calibration& calibration, double counts_per_unit, Tuning& tuning) {
-    constexpr double kLeast = 1. / 4;  // relative to the sd in the quietest rest
+    constexpr double kLeast = 1. / 4;  // relative to the sd at rest
     const Repeats& repeats = calibration.repeats;
     for (std::size_t k = 0; k < repeats.noise.size(); ++k) {
         const double sd = kLeast * repeats.noise[k] * counts_per_unit;
         tuning.least_noise_of[k] = 2 * sd * sd;
-        if (sd > 0 && !tuning.accept_too_quiet) tuning.least_noise_ns = std::uint64_t(repeats.interval_s * 1e9);
+        if (sd > 0 && !tuning.accept_too_quiet) tuning.noise_interval_ns = std::uint64_t(repeats.interval_s * 1e9);
     }
 }
 

@@ -26,7 +26,7 @@ struct Tuning : SensorTuning {
     // The least mean square of successive differences of a channel, in the frame's numbers, and the time between them; 0 =
     // any.
     std::array<double, kMaxChannels> least_noise_of{};
-    std::uint64_t least_noise_ns = 0;
+    std::uint64_t noise_interval_ns = 0;
     bool noisy = false;                     // noise changes every reading, so the same number in all channels is an idle bus
     unsigned thermometer_frozen_after = 0;  // readings; 0 = never
     // Limit of a new zero relative to the calibration's: each component's of the force, and of the magnitude; 0 = none.

@@ -86,8 +86,11 @@ public:
         begun_ns_ = restored_age_ns_ != 0 ? t_ns : kNever;
         error_.know(t_ns - restored_age_ns_);
     }
-    // Continues with the age of the calibration's zero in `before`. rt: wait-free
-    void succeed(const Zero& before) noexcept { error_.know(begun_ns_ = before.begun_ns_); }
+    // Continues with the age of the calibration's zero in `before`, and what restarts may have moved. rt: wait-free
+    void succeed(const Zero& before) noexcept {
+        error_.know(begun_ns_ = before.begun_ns_);
+        error_.succeed(before.error_);
+    }
     // rt: wait-free
     void follow(std::int64_t t_ns) noexcept {
         if (begun_ns_ == kNever) error_.know(begun_ns_ = t_ns);

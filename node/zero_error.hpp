@@ -1,13 +1,16 @@
 // The standard deviation of the zero in use. It grows from the time when the zero was last known, as the dispersion of a
 // clock does, and free rests bound it. For each component, in N or Nm:
 //
-//   variance = hidden + (moved / 3)^2 + (stepped / 3)^2 + (rate t)^2 + shift^2
+//   variance = hidden + (moved / 3)^2 + (stepped / 3)^2 + (doubted / 3)^2 + (rate t)^2 + shift^2
 //
 //   t        time since the last tare, removal of a tare or free rest
 //   rate     what calibrate has seen (zero_rate_per_h), else the standard deviation of the force in each hour
 //   hidden   0 after a tare; K sd^2 after a free rest
 //   moved    K Y, by which free rests have moved the zero since the tare; all of it may be a load that grows slowly
 //   stepped  the sum of what the device may have moved at each restart since then, without a difference that was seen
+//   doubted  the force of the last free rest if it is more than the sensor's own standard deviation: a light load, or a
+//   drift
+//            that goes on as fast as since the zero was known, or in a minute
 //   shift    zero_shift of the calibration, until the first tare of one whose sessions had zeros of their own
 //
 // The mean Y of a free rest, relative to the tare, is a drift with the variance P = (rate time since the tare)^2 + (stepped
@@ -47,8 +50,9 @@ public:
         known_ns_ = known_ns;
         forget_rests();
     }
-    // A tare has measured the zero, or was removed: that of the calibration has made the steps before the tare, too. rt:
-    // wait-free
+    // A tare has measured the zero, or was removed. The zero of the calibration may have moved at restarts before the tare,
+    // too.
+    // rt: wait-free
     void tare(std::int64_t known_ns) noexcept {
         for (std::size_t i = 0; i < stepped_.size(); ++i) before_tare_[i] += stepped_[i];
         stepped_ = {};
@@ -65,12 +69,17 @@ public:
         next_ns_ = std::numeric_limits<std::int64_t>::min();
     }
     [[nodiscard]] const Wrench& stepped() const noexcept { return stepped_; }
+    // Continues with what restarts may have moved the zero of the calibration. rt: wait-free
+    void succeed(const ZeroError& before) noexcept {
+        step(before.stepped_);
+        step(before.before_tare_);
+    }
 
     // Another method computes the force: its zero has not moved as far. rt: wait-free
     void forget_rests() noexcept {
         since_ns_.fill(known_ns_);
         rested_ = {};
-        hidden_ = moved_ = {};
+        hidden_ = moved_ = doubted_ = {};
         next_ns_ = std::numeric_limits<std::int64_t>::min();
     }
     // Follows the time; `is_shifted`: the mounting may have another zero, of which the calibration states how far. rt:
@@ -79,18 +88,25 @@ public:
         if (is_shifted == is_shifted_ && t_ns < next_ns_) return;
         is_shifted_ = is_shifted;
         next_ns_ = t_ns + kRest_ns;  // rates are slow
+        const double doubted = (1 + double(t_ns - doubted_ns_) / double(doubt_after_ns_)) / kSure;
         for (std::size_t i = 0; i < variance_.size(); ++i)
             variance_[i] = hidden_[i] + square(moved_[i] / kSure) + square((stepped_[i] - rested_[i]) / kSure) +
-                           square(drift(i, t_ns - since_ns_[i])) + (is_shifted ? square(rates_.shift[i]) : 0);
+                           square(doubted * doubted_[i]) + square(drift(i, t_ns - since_ns_[i])) +
+                           (is_shifted ? square(rates_.shift[i]) : 0);
     }
     // Takes the mean force of a free rest, after the zero in use, and the standard deviation of a force there; NaN: not
     // measured. A component beyond both this and what the rest before hid may be a load, so that the rest shows nothing. No
     // component moves by more than 3 sd of its drift. rt: wait-free
     void rest(const Wrench& force_S, const Wrench& sd, std::int64_t t_ns) noexcept {
-        for (std::size_t i = 0; i < sd.size(); ++i)
-            if (is_shifted_ || square(force_S[i]) > square(sd[i]) + hidden_[i] ||
-                std::isnan(sd[i]) != std::isnan(force_S[i]))
-                return;
+        bool is_load = false;
+        for (std::size_t i = 0; i < sd.size(); ++i) {
+            if (is_shifted_ || std::isnan(sd[i]) != std::isnan(force_S[i])) return;
+            is_load |= square(force_S[i]) > square(sd[i]) + hidden_[i];
+        }
+        for (std::size_t i = 0; i < sd.size(); ++i) doubted_[i] = is_load && !std::isnan(sd[i]) ? std::abs(force_S[i]) : 0;
+        doubted_ns_ = next_ns_ = t_ns;
+        doubt_after_ns_ = std::max(t_ns - known_ns_, kMinute_ns);
+        if (is_load) return;
         for (std::size_t i = 0; i < sd.size(); ++i) {
             const double drifted = std::hypot(drift(i, t_ns - known_ns_), stepped_[i] / kSure), load = square(sd[i]);
             const double part = square(drifted) / (square(drifted) + load), moved = part * (moved_[i] + force_S[i]);
@@ -98,7 +114,7 @@ public:
             hidden_[i] = part * load;
             moved_[i] = moved;
             rested_[i] = stepped_[i];
-            since_ns_[i] = next_ns_ = t_ns;
+            since_ns_[i] = t_ns;
         }
     }
 
@@ -121,16 +137,18 @@ public:
     static constexpr std::int64_t kRest_ns = 1'000'000'000;  // length of a rest
 
 private:
-    static constexpr double kSure = 3;  // standard deviations
+    static constexpr std::int64_t kMinute_ns = 60'000'000'000;  // a drift is no faster than what it does in this time
+    static constexpr double kSure = 3;                          // standard deviations
     [[nodiscard]] static constexpr double square(double x) noexcept { return x * x; }
     // Returns the standard deviation of a drift for this time.
     [[nodiscard]] double drift(std::size_t i, std::int64_t ns) const noexcept { return rates_.per_s[i] * double(ns) * 1e-9; }
 
     Rates rates_;
     std::int64_t known_ns_ = 0, next_ns_ = std::numeric_limits<std::int64_t>::min();
+    std::int64_t doubted_ns_ = 0, doubt_after_ns_ = kMinute_ns;  // time of the last rest; for as much again
     bool is_shifted_ = false;
     std::array<std::int64_t, std::tuple_size_v<Wrench>> since_ns_{};
-    Wrench hidden_{}, moved_{}, variance_{};
+    Wrench hidden_{}, moved_{}, doubted_{}, variance_{};
     Wrench stepped_{}, rested_{}, before_tare_{};  // since the tare; at the last rest; before the tare
 };
 

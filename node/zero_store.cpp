@@ -71,7 +71,8 @@ std::array<std::pair<const char*, Wrench*>, 3> wrenches_of(LastForce& last) {
 // The last force of a run that kept nothing but its samples, whose sd contains that of the zero.
 std::optional<LastForce> last_force(const tactiled_sample& s) {
     constexpr double kSame = 2, kSure = 3;
-    if ((s.reasons & (TACTILED_STEPPED | TACTILED_ZERO_UNKNOWN)) != 0 || (s.state & TACTILED_LOW_PASS) != 0)
+    if ((s.reasons & (TACTILED_STEPPED | TACTILED_ZERO_UNKNOWN | TACTILED_UNKNOWN_UNCERTAINTY)) != 0 ||
+        (s.state & TACTILED_LOW_PASS) != 0)
         return std::nullopt;
     LastForce last;
     last.raw_S = wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm);
@@ -198,9 +199,10 @@ void ZeroStore::load(const std::string& path) {
 }
 
 void ZeroStore::restore(std::vector<Sensor>& sensors, const std::map<std::string, tactiled_sample>& killed) {
+    const std::lock_guard lock(mutex_);
     for (std::size_t i = 0; i < sensors.size(); ++i) {
         const ZeroOwner& owner = owners_[i];
-        const Kept* const kept = find(owner.sensor);
+        Kept* const kept = find(owner.sensor);
         const auto sample = killed.find(owner.sensor);
         if (kept == nullptr && sample != killed.end() && (sample->second.reasons & TACTILED_ZERO_UNKNOWN) != 0)
             sensors[i].lose_zero();
@@ -218,7 +220,8 @@ void ZeroStore::restore(std::vector<Sensor>& sensors, const std::map<std::string
         const bool same = any && kept->id == owner.id && kept->serial == owner.serial;
         if (same && owner.restore) {
             const bool has_value = sample != killed.end() && sample->second.quality != TACTILED_BAD;
-            const std::optional<LastForce> last = has_value ? last_force(sample->second) : kept->last;
+            const std::optional<LastForce> of_file = std::exchange(kept->last, std::nullopt);  // it vouches for one start
+            const std::optional<LastForce> last = has_value ? last_force(sample->second) : of_file;
             sensors[i].restore_zero(zero, age_ns(kept->time), last);
             log_line(LogLevel::info, "sensor \"{}\": the tare of {} is in force", owner.sensor, kept->time);
             continue;
@@ -230,6 +233,7 @@ void ZeroStore::restore(std::vector<Sensor>& sensors, const std::map<std::string
                  : !any         ? "because its zero is not known"
                                 : "because the calibration, the serial or the channels are others");
     }
+    write();
 }
 
 void ZeroStore::keep_last(const std::vector<Sensor>& sensors) {
@@ -299,6 +303,7 @@ void ZeroStore::serve() noexcept {
         }
         const std::uint64_t now_ns = monotonic_ns();
         if (number != 0 || (!is_usable() && now_ns >= again_ns)) {
+            const std::lock_guard lock(mutex_);
             write();
             again_ns = now_ns + kRetryNs;
         }

@@ -100,7 +100,7 @@ private:
 
     std::string path_;
     LockFile lock_;                  // two daemons with one file would restore each other's zeros
-    std::mutex mutex_;               // guards owners_, between the thread and replace_owner()
+    std::mutex mutex_;               // guards owners_ and kept_ between the thread, restore() and replace_owner()
     std::vector<ZeroOwner> owners_;  // including those of earlier configurations until their orders are written
     std::vector<std::size_t> sensor_of_owner_;
     std::vector<Kept> kept_;

@@ -19,22 +19,19 @@ constexpr int kEndlessRun = 10;
 // Returns 0 if there is no interval.
 double median_s(const std::vector<double>& intervals_ns) { return intervals_ns.empty() ? 0 : median(intervals_ns) * 1e-9; }
 
-// The noise of the channels: their successive differences in the quietest stretch without a load, as in
+// The noise of the channels: their successive differences in the quieter stretches without a load, as in
 // node/quiet_check.hpp.
-class QuietestRest {
+class Rests {
 public:
-    explicit QuietestRest(const Rows& rows)
-        : rows_(rows),
-          full_scale_(full_scales(rows)),
-          noise_(rows.front()->channel.size(), kUnknown),
-          shows_(noise_.size()) {}
+    explicit Rests(const Rows& rows)
+        : rows_(rows), full_scale_(full_scales(rows)), channels_(rows.front()->channel.size()) {}
 
     // Takes the rows from `begin` to before `end`, which have one load.
     void add(std::size_t begin, std::size_t end) {
         if (end - begin < kRestRows || rows_[begin]->t_ns == 0) return;
         for (std::size_t c = 0; c < full_scale_.size(); ++c)
             if (std::abs(rows_[begin]->wrench_S[c]) > LoadPeak::kRest * full_scale_[c]) return;
-        for (std::size_t k = 0; k < noise_.size(); ++k) {
+        for (std::size_t k = 0; k < channels_.size(); ++k) {
             std::vector<double> steps;
             double squares = 0;
             for (std::size_t i = begin + 1; i < end; ++i) {
@@ -42,30 +39,35 @@ public:
                 squares += steps.back() * steps.back();
             }
             const double sd = std::sqrt(squares / (2 * double(steps.size())));
-            if (sd >= noise_[k]) continue;
-            noise_[k] = sd;
-            shows_[k] = std::any_of(steps.begin(), steps.end(),
-                                    [&](double step) { return step > kRounding * sd && step <= kSteps * sd; });
+            if (sd > 0) channels_[k].sd.push_back(sd);
+            channels_[k].has_fine_steps |= std::any_of(
+                steps.begin(), steps.end(), [&](double step) { return step > kRounding * sd && step <= kFineStep * sd; });
         }
     }
     // 0 for a channel whose steps are too large to show its noise; empty without a stretch.
     [[nodiscard]] std::vector<double> noise() const {
-        if (noise_.front() == kUnknown) return {};
         std::vector<double> noise;
-        for (std::size_t k = 0; k < noise_.size(); ++k) noise.push_back(shows_[k] ? noise_[k] : 0);
+        for (Channel each : channels_) {
+            if (each.sd.empty()) return {};
+            const auto quarter = each.sd.begin() + std::ptrdiff_t(each.sd.size() / 4);
+            std::nth_element(each.sd.begin(), quarter, each.sd.end());
+            noise.push_back(each.has_fine_steps ? *quarter : 0);
+        }
         return noise;
     }
 
 private:
     static constexpr std::size_t kRestRows = 10;
-    static constexpr double kUnknown = std::numeric_limits<double>::infinity();
     // Relative to the noise: the largest step of a channel that shows it, and that of a number which text or a float has
     // rounded.
-    static constexpr double kSteps = 0.5, kRounding = 0.01;
+    static constexpr double kFineStep = 0.5, kRounding = 0.01;
+    struct Channel {
+        std::vector<double> sd;  // of each stretch in which the channel changed
+        bool has_fine_steps = false;
+    };
     const Rows& rows_;
     Wrench full_scale_;
-    std::vector<double> noise_;
-    std::vector<bool> shows_;
+    std::vector<Channel> channels_;
 };
 
 }  // namespace
@@ -78,7 +80,7 @@ Repeats repeats_of(const Rows& rows) {
     std::vector<bool> endless(n);
     std::vector<double> intervals_ns, all_intervals_ns;
     std::size_t looked_at = 0;
-    QuietestRest quietest(rows);
+    Rests rests(rows);
     const auto follows = [&](std::size_t i) {
         return load[i] == load[i - 1] && rows[i]->session == rows[i - 1]->session && rows[i]->line == rows[i - 1]->line + 1;
     };
@@ -86,7 +88,7 @@ Repeats repeats_of(const Rows& rows) {
         for (end = begin + 1; end < rows.size() && follows(end); ++end)
             if (rows[end]->t_ns > rows[end - 1]->t_ns)
                 all_intervals_ns.push_back(double(rows[end]->t_ns - rows[end - 1]->t_ns));
-        quietest.add(begin, end);
+        rests.add(begin, end);
         if (end - begin < kHeldRows) continue;
         looked_at += end - begin;
         for (std::size_t i = begin + 1; i < end; ++i)
@@ -100,12 +102,11 @@ Repeats repeats_of(const Rows& rows) {
             }
         }
     }
-    if (looked_at < kRowsNeeded)
-        return {.readings = {}, .interval_s = median_s(all_intervals_ns), .noise = quietest.noise()};
+    if (looked_at < kRowsNeeded) return {.readings = {}, .interval_s = median_s(all_intervals_ns), .noise = rests.noise()};
     for (std::size_t k = 0; k < n; ++k)
         if (endless[k]) repeats.readings[k] = 0;
     repeats.interval_s = median_s(intervals_ns);
-    repeats.noise = quietest.noise();
+    repeats.noise = rests.noise();
     return repeats;
 }
 

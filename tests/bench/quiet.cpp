@@ -177,7 +177,7 @@ void run_skin(const std::filesystem::path& folder) {
     const Repeats repeats = repeats_of(calibrated);
     if (repeats.noise.empty()) throw SetupError(packed + ": has no rests");
     Tuning tuning;
-    tuning.least_noise_ns = std::uint64_t(repeats.interval_s * 1e9);
+    tuning.noise_interval_ns = std::uint64_t(repeats.interval_s * 1e9);
     for (std::size_t k = 0; k < repeats.noise.size(); ++k)
         tuning.least_noise_of[k] = 2 * repeats.noise[k] * repeats.noise[k] / 16;
     for (const double scale : {1., 1. / 16}) {
@@ -237,7 +237,7 @@ int main(int argc, char** argv) {
     if (argc < 3 || std::string_view(argv[1]) != "--count") return tactiled::run(), 0;
     tactiled::Tuning tuning;
     tuning.least_noise_of.fill(1);
-    tuning.least_noise_ns = 1;
+    tuning.noise_interval_ns = 1;
     tactiled::QuietCheck check;
     std::array<double, 6> raw{};
     unsigned quiet = 0;

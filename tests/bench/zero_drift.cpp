@@ -1,6 +1,6 @@
 // Zeros that drift: calibrate sees a recording with this drift, then the sensor is tared and measures for an hour. Prints
 // the share of GOOD samples that are off by more than 5 sd, in parentheses with zeros that do not age, and the share of
-// samples whose zero is old. Then eight hours of picks.
+// samples whose zero is old. Then eight hours of picks, and an hour of picks with a drift that the recording does not have.
 #include <fmt/format.h>
 
 #include <array>
@@ -181,6 +181,18 @@ int run() {
         day_before.add(measure(made, picks, calibration, false, 8));
     }
     print("eight hours of picks, drift 0.01 %/min", day, day_before);
+    for (const double per_min : {1e-4, 1e-3, 5e-3}) {
+        Count unseen, unseen_before;
+        const Case drifting{"picks", per_min, 0, Use::picks, 0};
+        for (int number = 0; number < kSensors; ++number) {
+            Made still(number, {"picks", 0, 0, Use::picks, 0});
+            const Calibration calibration = calibrated(still, number);
+            unseen.add(measure(Made(number, drifting), drifting, calibration, true));
+            unseen_before.add(measure(Made(number, drifting), drifting, calibration, false));
+        }
+        print(fmt::format("picks, drift of {:g} %/min that the recording does not have", 100 * per_min), unseen,
+              unseen_before);
+    }
     return 0;
 }
 

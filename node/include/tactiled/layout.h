@@ -142,7 +142,8 @@ enum tactiled_use {
     X(GLITCHES, "glitches", TACTILED_UNCERTAIN, 23, "GLITCHES", TACTILED_ZC_, "single wrong values, more than 1 % of them", \
       "check the wires, the shield and the supply; ask a device no faster than it measures")                                \
     X(OUTSIDE_DOMAIN, "outside-domain", TACTILED_UNCERTAIN, 11, "OUTSIDE_DOMAIN", TACTILED_FOR_ZERO | TACTILED_FOR_WEIGHT,  \
-      "outside the calibrated domain", "reduce the load, or declare the temperature (tactilectl check has the line)")       \
+      "outside the calibrated domain",                                                                                      \
+      "reduce the load; without a load tare it, or declare the temperature (tactilectl check has the line)")                \
     X(TOO_QUIET, "too-quiet", TACTILED_UNCERTAIN, 25, "TOO_QUIET", 0,                                                       \
       "less noise than in its calibration: another range, unit, order of bytes or firmware",                                \
       "restore the settings of the device and restart the daemon, or calibrate it again; if it may be so quiet, write "     \

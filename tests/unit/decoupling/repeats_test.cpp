@@ -62,7 +62,7 @@ Repeats of_noise(double step, double at_rest, double under_load) {
     return repeats(labelled);
 }
 
-TEST(Repeats, TheNoiseIsThatOfTheQuietestRest) {
+TEST(Repeats, TheNoiseIsThatOfTheQuieterRests) {
     for (const double under_load : {30.0, 0.3}) {  // the load itself moves, or the channel is squeezed
         const Repeats found = of_noise(0.01, 3, under_load);
         ASSERT_EQ(found.noise.size(), 1u);

@@ -79,10 +79,27 @@ TEST(ZeroError, ARestUnderALoadShowsNothing) {
     error.follow(0, false);
     error.follow(4 * kHourNs, false);
     error.rest(fz(0.11), kSd, 4 * kHourNs);
-    error.rest({0.11, 0, 0.01, kNaN, kNaN, kNaN}, kSd, 4 * kHourNs);        // all components are judged together
+    error.rest({0.11, 0, 0, kNaN, kNaN, kNaN}, kSd, 4 * kHourNs);           // all components are judged together
     error.rest(fz(0.01), {0.1, 0.1, kNaN, kNaN, kNaN, kNaN}, 4 * kHourNs);  // without a standard deviation
     EXPECT_EQ(error.moved_S()[2], 0);
     EXPECT_NEAR(sd_of(error, 4 * kHourNs), 0.8, 1e-12);
+}
+
+// Nothing tells a light load from a drift that is faster than stated.
+TEST(ZeroError, ARestUnderALoadMayBeADriftThatGoesOn) {
+    ZeroError error(rates(0));
+    error.follow(0, false);
+    for (std::int64_t t_ns = kSecondNs; t_ns < kHourNs; t_ns += kSecondNs) {
+        const double drifted_N = 5 * double(t_ns) / double(kHourNs);
+        const bool rests = t_ns < kHourNs / 4 || t_ns > kHourNs / 2;  // then it seems to be a contact
+        if (rests) error.rest(fz(drifted_N), kSd, t_ns);
+        ASSERT_LT(drifted_N, 3.01 * std::hypot(sd_of(error, t_ns), kSd_N)) << double(t_ns) / double(kHourNs);
+    }
+    error.rest(fz(0.01), kSd, kHourNs);
+    EXPECT_LT(sd_of(error, kHourNs), 1e-9) << "it was a load";
+    error.rest(fz(0.3), kSd, kHourNs);
+    error.know(kHourNs + 1);
+    EXPECT_EQ(sd_of(error, kHourNs + 1), 0);
 }
 
 // Each restart may hide a step that is too small to be seen; they may all go the same way.
