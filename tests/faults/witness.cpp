@@ -223,9 +223,11 @@ bool Witness::may_be_unseen(unsigned i, const Device& device, const Device::Trut
     return ++unseen_[i].readings <= may_be;
 }
 
-// A tare is lost with its calibration; and nobody knows which one of two devices has remained.
+// A tare is lost with its calibration; nobody knows which one of two devices has remained, or if one that counts anew has
+// its zero: its force is another one.
 bool Witness::needs_a_tare(unsigned i, const Device& device, const tactiled_sample& s) {
-    return (i == kRecalibrated || device.doubled_ns != 0) && (s.reasons & TACTILED_ZERO_UNKNOWN) != 0;
+    return (i == kRecalibrated || device.doubled_ns != 0 || device.jumped_ns != 0) &&
+           (s.reasons & TACTILED_ZERO_UNKNOWN) != 0;
 }
 
 void Witness::look_at_latest(unsigned i, const Device& device, const Expectation& expected) {
