@@ -95,12 +95,12 @@ public:
                            (is_shifted ? square(rates_.shift[i]) : 0);
     }
     // Takes the mean force of a free rest, after the zero in use, and the standard deviation of a force there; NaN: not
-    // measured. A component beyond both this and what the rest before hid may be a load, so that the rest shows nothing. No
-    // component moves by more than 3 sd of its drift. rt: wait-free
+    // measured. A component beyond both this and what the rest before hid may be a load, so that the rest only raises a
+    // doubt; beyond the limit it is one. No component moves by more than 3 sd of its drift. rt: wait-free
     void rest(const Wrench& force_S, const Wrench& sd, std::int64_t t_ns) noexcept {
         bool is_load = false;
         for (std::size_t i = 0; i < sd.size(); ++i) {
-            if (is_shifted_ || std::isnan(sd[i]) != std::isnan(force_S[i])) return;
+            if (is_shifted_ || std::isnan(sd[i]) != std::isnan(force_S[i]) || std::abs(force_S[i]) > rates_.limit[i]) return;
             is_load |= square(force_S[i]) > square(sd[i]) + hidden_[i];
         }
         for (std::size_t i = 0; i < sd.size(); ++i) doubted_[i] = is_load && !std::isnan(sd[i]) ? std::abs(force_S[i]) : 0;

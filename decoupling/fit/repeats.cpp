@@ -62,7 +62,7 @@ private:
     // rounded.
     static constexpr double kFineStep = 0.5, kRounding = 0.01;
     struct Channel {
-        std::vector<double> sd;  // of each stretch in which the channel changed
+        std::vector<double> sd;  // for each stretch in which the channel changed
         bool has_fine_steps = false;
     };
     const Rows& rows_;

@@ -1,5 +1,5 @@
 // Zeros that drift: calibrate sees a recording with this drift, then the sensor is tared and measures for an hour. Prints
-// the share of GOOD samples that are off by more than 5 sd, in parentheses with zeros that do not age, and the share of
+// the share of GOOD samples that are off by more than 5 sd, in parentheses without the rate of calibrate, and the share of
 // samples whose zero is old. Then eight hours of picks, and an hour of picks with a drift that the recording does not have.
 #include <fmt/format.h>
 

@@ -97,6 +97,8 @@ TEST(ZeroError, ARestUnderALoadMayBeADriftThatGoesOn) {
     }
     error.rest(fz(0.01), kSd, kHourNs);
     EXPECT_LT(sd_of(error, kHourNs), 1e-9) << "it was a load";
+    error.rest(fz(1.01), kSd, kHourNs);
+    EXPECT_LT(sd_of(error, kHourNs), 1e-9) << "and so is one beyond the limit";
     error.rest(fz(0.3), kSd, kHourNs);
     error.know(kHourNs + 1);
     EXPECT_EQ(sd_of(error, kHourNs + 1), 0);
