@@ -10,6 +10,7 @@
 #include "config/options.hpp"
 #include "config/registry.hpp"
 #include "drivers/frame.hpp"
+#include "drivers/taxels.hpp"
 #include "drivers/wire/stream_age.hpp"
 #include "tactiled/layout.h"
 
@@ -52,6 +53,12 @@ public:
     // True if another frame is already complete: read() would return it without a system call.
     // rt: wait-free
     [[nodiscard]] virtual bool has_more() const noexcept { return false; }
+
+    // The shape of the arrays that this link carries, from its keys. setup
+    [[nodiscard]] virtual TaxelShape taxel_shape() const noexcept { return {}; }
+    // The taxels of the last frame, valid until the next call of read() or has_more(). Of a frame with channels: none.
+    // rt: wait-free
+    [[nodiscard]] virtual Taxels taxels() const noexcept { return {}; }
 
     // True if read() with a time limit of 0 never waits, so that one thread may read several links. setup
     [[nodiscard]] virtual bool can_poll() const noexcept { return false; }
