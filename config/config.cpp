@@ -34,9 +34,12 @@ RealtimeSettings read_realtime(Options table) {
 ShmSettings read_shm(Options table) {
     ShmSettings shm{};
     read_fields(shm_fields(), table, shm);
-    if (const auto slots = static_cast<unsigned>(shm.history); slots != 0 && !std::has_single_bit(slots))
-        table.problem("history",
-                      fmt::format("history = {} is no power of two; the next one is {}", slots, std::bit_ceil(slots)));
+    const auto check = [&](const char* key, unsigned slots) {
+        if (slots != 0 && !std::has_single_bit(slots))
+            table.problem(key, fmt::format("{} = {} is no power of two; the next one is {}", key, slots, std::bit_ceil(slots)));
+    };
+    check("history", unsigned(shm.history));
+    check("array_history", unsigned(shm.array_history));
     return shm;
 }
 
@@ -144,6 +147,8 @@ const Fields<ShmSettings>& shm_fields() {
         {TACTILED_KEY(S, group), "", Text::name, "Unix group that may read and command; \"\" = the group of the daemon."},
         {TACTILED_KEY(S, history), Default(0, "the largest up to 1024 that fits into 1 MB"), range(64, 65'536), "",
          "Samples kept for each sensor, a power of two."},
+        {TACTILED_KEY(S, array_history), 128, range(8, 1024), "",
+         "Arrays kept for each sensor with taxels, a power of two; 1,024 taxels of three components need 14 kB each."},
     };
     return fields;
 }

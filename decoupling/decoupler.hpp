@@ -12,6 +12,7 @@
 
 #include "config/calibration.hpp"
 #include "config/options.hpp"
+#include "drivers/taxels.hpp"
 #include "tactiled/layout.h"
 
 namespace tactiled {
@@ -26,6 +27,7 @@ struct Reading {
     // CLOCK_MONOTONIC of the frame, for models that depend on the past (piezo, hysteresis)
     std::uint64_t t_ns = 0;
     double temperature_C = kNaN;  // temperature of the sensor; NaN = unknown
+    Taxels taxels{};              // raw values of an array, which has no channels
 };
 
 // Six components: fx fy fz (N), mx my mz (Nm), frame S. NaN = not measured by this sensor, or BAD.
@@ -52,6 +54,8 @@ struct Estimate {
     }
 };
 
+class Patch;
+
 class Decoupler {
 public:
     virtual ~Decoupler() = default;
@@ -71,6 +75,8 @@ public:
     virtual void set_temperature(const TemperatureInUse& /*in_use*/) noexcept {}
 
     [[nodiscard]] virtual std::string_view method() const noexcept = 0;
+    // Returns the model of an array, nullptr if this model has channels. rt: wait-free
+    [[nodiscard]] virtual Patch* patch() noexcept { return nullptr; }
 };
 
 struct DecouplerFault {

@@ -18,6 +18,7 @@ Status acquire(Link& link, SegmentWriter& segment, int timeout_ms) noexcept {
         if (slot != nullptr) {
             slot->lost += link.refused.take(slot->device);
             slot->opening = link.stream;
+            link.taxels.put(link.ring.slot_of(slot), driver.taxels());
             link.ring.push();
         } else {
             link.refused.add(link.spare.device, link.spare.lost + 1);
@@ -44,12 +45,12 @@ void Pipeline::deliver(Link& link, std::uint64_t now_ns) noexcept {
     for (std::size_t n = 0; n < link.ring.capacity(); ++n) {  // limited, so that no link starves the others
         const Frame* const frame = link.ring.front();
         if (frame == nullptr) return;
-        deliver(link, *frame, now_ns);
+        deliver(link, *frame, link.taxels.get(link.ring.slot_of(frame)), now_ns);
         link.ring.pop();
     }
 }
 
-void Pipeline::deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noexcept {
+void Pipeline::deliver(Link& link, const Frame& frame, const Taxels& taxels, std::uint64_t now_ns) noexcept {
     segment_.publish(link.index, link.delivered++, frame);
     bool bound = false;
     for (const auto& binding : link.bindings) {
@@ -59,7 +60,7 @@ void Pipeline::deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noe
         const bool had_data = sensor.is_delivering();
         if (const int other = sensor.temperature_of_sensor(); other >= 0)
             sensor.take_temperature(sensors_[std::size_t(other)].last());
-        tactiled_sample sample = sensor.sample(frame, now_ns);
+        tactiled_sample sample = sensor.sample(frame, now_ns, taxels);
         if (had_data && !sensor.is_delivering()) record_.latch_lost_sensor(true);
         if (const int other = sensor.agrees_with(); other >= 0) sample = sensor.compare(sensors_[std::size_t(other)].last());
         publish(binding.sensor, sample);
@@ -71,6 +72,7 @@ void Pipeline::deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noe
 
 void Pipeline::publish(std::uint32_t sensor, const tactiled_sample& sample) noexcept {
     grasping_->observe(sensor, sample, sensors_[sensor].zero_S());
+    if (Patch* const patch = sensors_[sensor].patch()) segment_.publish_array(sensor, sample.sequence, patch->record(sample));
     segment_.publish(sensor, sample);
     segment_.count_reasons(sensor, sample.reasons);
     record_.add(sensor, sample);

@@ -114,7 +114,7 @@ private:
     void run() noexcept;
     [[nodiscard]] std::uint64_t next_deadline_ns(std::uint64_t now_ns) const noexcept;
     void deliver(Link& link, std::uint64_t now_ns) noexcept;
-    void deliver(Link& link, const Frame& frame, std::uint64_t now_ns) noexcept;
+    void deliver(Link& link, const Frame& frame, const Taxels& taxels, std::uint64_t now_ns) noexcept;
     void publish(std::uint32_t sensor, const tactiled_sample& sample) noexcept;
     void publish_node(std::uint64_t now_ns) noexcept;
     void mark_discontinuities(std::uint64_t now_ns) noexcept;

@@ -88,6 +88,8 @@ void Reloader::refuse_what_needs_a_restart(Node& fresh) const {
         for (const auto& key : sensor.differing_keys(now_.sensors[i].options))
             if (reload_rule("sensor", key) == Reload::restart) sensor.problem(key, fmt::format("{} {}", key, kRestart));
     }
+    if (fresh.plan.places != running_.plan.places)
+        root.problem("sensor", fmt::format("the places of the taxels {}", kRestart));
     if (fresh.grasp.has_value() != now_.grasp.has_value())
         return root.problem("grasp", fmt::format("whether there is a [grasp] {}", kRestart));
     if (fresh.tool.has_value() != now_.tool.has_value())

@@ -63,6 +63,8 @@ public:
     }
 
     [[nodiscard]] std::size_t capacity() const noexcept { return mask_ + 1; }
+    // Returns the slot of an item of this ring, 0 .. capacity() - 1: what travels with the item has its place there.
+    [[nodiscard]] std::size_t slot_of(const T* item) const noexcept { return std::size_t(item - items_.get()); }
 
 private:
     static constexpr std::uint64_t kReleaseEvery = 16;

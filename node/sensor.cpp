@@ -22,7 +22,7 @@ void put(const Estimate& e, tactiled_sample& s) noexcept {
 
 // ---- one frame -> one sample -------------------------------------------------------------------------------------------
 
-tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcept {
+tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns, const Taxels& taxels) noexcept {
     notice_suspension(now_ns);
     if (stream_.is_late(frame)) return late_sample(frame, now_ns);
     if (stream_.arrive(frame)) {
@@ -37,7 +37,7 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns) noexcep
     tactiled_sample s = next_sample(frame.t_ns, now_ns);
     s.device_sequence = frame.has_sequence ? frame.sequence : 0;
     s.rate_Hz = stream_.rate_Hz();
-    const Estimate e = estimate(frame, s);
+    const Estimate e = estimate(frame, taxels, s);
     put(e, s);
     s.epoch = epoch();  // set after the estimate, because a channel that froze begins a new epoch
     judge_age(frame.age, s);
@@ -125,7 +125,7 @@ bool Sensor::is_of_another_device(const Frame& frame) const noexcept {
     return (frame.missing >> i & 1u) != 0 || frame.channel[i] != setup_.serial;
 }
 
-Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
+Estimate Sensor::estimate(const Frame& frame, const Taxels& taxels, tactiled_sample& s) noexcept {
     if (is_of_another_device(frame)) {
         if (setup_.decoupler != nullptr) setup_.decoupler->forget();
         Estimate wrong;
@@ -134,6 +134,7 @@ Estimate Sensor::estimate(const Frame& frame, tactiled_sample& s) noexcept {
     }
     std::array<double, kMaxChannels> raw;
     Reading reading = read(frame, raw);
+    reading.taxels = taxels;
     follow_device(frame, reading.missing == 0);
     const std::size_t n = reading.channel.size();
     const auto all = std::uint32_t((std::uint64_t(1) << n) - 1);
@@ -226,7 +227,10 @@ inline void Sensor::follow_tare(tactiled_sample& s) noexcept {
     if (zero_.has_more_to_find()) zero_.find_other(*setup_.automatic, method_, n_channels);
     if (zero_.tare() == Tare::running) {
         const std::size_t n_methods = setup_.automatic != nullptr ? setup_.automatic->front().size() : 1;
-        if (zero_.advance(s, {channel_.data(), n_channels}, method_, n_methods)) low_pass_.reset();
+        if (zero_.advance(s, {channel_.data(), n_channels}, method_, n_methods)) {
+            low_pass_.reset();
+            if (patch_ != nullptr) patch_->end_tare(true);
+        }
     }
     if (zero_.tare() == Tare::removing) zero_.end_removal();
     if (zero_.tare() == Tare::running) s.reasons |= TACTILED_TARING;

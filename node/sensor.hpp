@@ -11,8 +11,10 @@
 
 #include "decoupling/auto_method.hpp"
 #include "decoupling/latency.hpp"
+#include "decoupling/patch/patch.hpp"
 #include "drivers/clock.hpp"
 #include "drivers/frame.hpp"
+#include "drivers/taxels.hpp"
 #include "node/agreement.hpp"
 #include "node/continuity.hpp"
 #include "node/jump_check.hpp"
@@ -68,6 +70,7 @@ public:
           zero_(*tuning_, setup_.needs_tare, setup_.zero),
           thermometer_(*tuning_) {
         if (setup_.decoupler != nullptr) {
+            patch_ = setup_.decoupler->patch();
             set_delay();
             setup_.decoupler->set_temperature(setup_.temperature);
         }
@@ -78,10 +81,12 @@ public:
     // Sets the daemon's epoch, the upper half of each sample's epoch. Call it once, before the first sample. setup
     void start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept;
 
-    // Returns the sample for a frame that arrived. With method "auto", each sample after a tare also runs one of the other
+    // Returns the sample for a frame that arrived, with the taxels of an array. With method "auto", each sample after a tare also runs one of the other
     // methods from its initial state, until each has its zero; so does the first sample after a change of the method. rt:
     // bounded by the model's decouple()
-    [[nodiscard]] tactiled_sample sample(const Frame& frame, std::uint64_t now_ns) noexcept;
+    [[nodiscard]] tactiled_sample sample(const Frame& frame, std::uint64_t now_ns, const Taxels& taxels = {}) noexcept;
+    // The model of an array, nullptr if the sensor is none.
+    [[nodiscard]] Patch* patch() const noexcept { return patch_; }
 
     // Known delay of each channel of the model, s. Empty = none.
     [[nodiscard]] const std::vector<double>& delay_s() const noexcept { return tuning_->delay_s; }
@@ -123,10 +128,12 @@ public:
     void begin_tare(std::uint64_t now_ns) noexcept {
         zero_.begin_tare(now_ns);
         thermometer_.begin_tare();
+        if (patch_ != nullptr) patch_->begin_tare();
     }
     // Returns to the calibration's zero with the next sample, or immediately if no sample arrives. rt: wait-free
     void begin_untare() noexcept {
         zero_.begin_removal(is_delivering());
+        if (patch_ != nullptr) patch_->untare();
         may_be_another_ = false;
         low_pass_.reset();
     }
@@ -135,7 +142,10 @@ public:
     [[nodiscard]] Tare poll_tare(std::uint64_t now_ns) noexcept {
         const bool was_running = zero_.tare() != Tare::none && zero_.tare() != Tare::removing;
         const Tare tare = zero_.poll(is_delivering(), now_ns);
-        if (was_running && tare != Tare::running && tare != Tare::done) thermometer_.fail_tare();
+        if (was_running && tare != Tare::running && tare != Tare::done) {
+            thermometer_.fail_tare();
+            if (patch_ != nullptr) patch_->end_tare(false);
+        }
         return tare;
     }
 
@@ -182,7 +192,7 @@ private:
     [[nodiscard]] inline tactiled_sample late_sample(const Frame& frame, std::uint64_t now_ns) noexcept;
     // Defined in sensor.cpp, the only user.
     [[nodiscard]] inline tactiled_sample next_sample(std::uint64_t t_ns, std::uint64_t now_ns) noexcept;
-    [[nodiscard]] Estimate estimate(const Frame& frame, tactiled_sample& sample) noexcept;
+    [[nodiscard]] Estimate estimate(const Frame& frame, const Taxels& taxels, tactiled_sample& sample) noexcept;
     [[nodiscard]] inline Reading read(const Frame& frame, std::array<double, kMaxChannels>& raw) noexcept;
     [[nodiscard]] inline double temperature_C(const Frame& frame) noexcept;
     [[nodiscard]] static bool is_confirmed(const tactiled_sample& s) noexcept { return (s.reasons & TACTILED_STEPPED) == 0; }
@@ -214,9 +224,11 @@ private:
         setup_.decoupler->set_delay(tuning_->delay_s);
         const Wrench delay_s = delay_of_components_s(*setup_.decoupler, tuning_->delay_s);
         if (delay_s != delay_s_) latency_.set_delay(delay_s_ = delay_s);
+        if (patch_ != nullptr) patch_->set_frozen_after(tuning_->frozen_after);
     }
 
     Setup setup_;                     // `tuning` is moved to tuning_
+    Patch* patch_ = nullptr;          // the decoupler, if it is an array's
     std::unique_ptr<Tuning> tuning_;  // the parts below point to it
     SensorSettable requested_, in_force_;
     StreamQuality stream_;

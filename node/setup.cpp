@@ -51,6 +51,7 @@ void make_driver(LinkSettings& settings, Link& link, tactiled_link& directory) {
                                  fmt::format("driver \"{}\" measures nothing: simulated = true", settings.driver));
     directory.simulated = simulated ? 1 : 0;
     link.driver = entry->make(settings.options);
+    if (link.driver != nullptr) link.taxels.make(link.driver->taxel_shape(), Link::kRingFrames);
 }
 
 // Returns the index in a frame for each channel of the calibration.
@@ -85,6 +86,33 @@ void put_front(tactiled_sensor& entry, const AutoMethod& automatic, double budge
         entry.method_error[i] = float(each.inaccuracy);
     }
     put(entry.methods, fmt::format("{}", fmt::join(names, " ")));
+}
+
+// Fills in the array of a sensor, and returns the places of its taxels.
+std::vector<float> put_array(tactiled_sensor& entry, const Patch& patch) {
+    const TaxelPlaces& places = patch.places();
+    entry.n_channels = 0;
+    entry.n_taxels = patch.shape().taxels;
+    entry.taxel_components = patch.components();
+    entry.taxel_rows = places.rows;
+    entry.taxel_columns = places.columns;
+    std::vector<float> list;
+    for (std::size_t i = 0; i < places.n; ++i) {
+        list.insert(list.end(), {places.x[i], places.y[i], places.z[i]});
+        list.insert(list.end(), places.normal[i].begin(), places.normal[i].end());
+    }
+    return list;
+}
+
+// The arrays of the link must be those of the calibration.
+void check_shape(SensorSettings& settings, const TaxelShape& of_link, const TaxelShape& of_calibration) {
+    const auto text = [](TaxelShape shape) {
+        return shape.taxels == 0 ? std::string("no taxels") : fmt::format("{} taxels of {} values", shape.taxels, shape.values);
+    };
+    if (of_link != of_calibration)
+        settings.options.problem("calibration", fmt::format("{} is for {}, link \"{}\" carries {} (its keys taxels and values)",
+                                                            settings.calibration, text(of_calibration), settings.link,
+                                                            text(of_link)));
 }
 
 tactiled_sensor directory_entry(const SensorSettings& settings, const Calibration& calibration, const Decoupler& decoupler) {
@@ -175,6 +203,7 @@ Tuning tuning_of(const SensorSettings& settings, const Calibration& calibration,
     tuning.tare_limit_of_magnitude_N = std::max(0.0, settings.tare_limit_N);
     for (std::size_t c = 0; c < tuning.tare_limit_of_component_N.size() && settings.tare_limit_N < 0; ++c)
         if (std::isfinite(full_scale[c])) tuning.tare_limit_of_component_N[c] = kTareLimit * double(full_scale[c]);
+    if (channel_of_frame.empty()) tuning.delay_s.push_back(std::max(0., settings.delay_ms * 1e-3));  // an array
     for (const int channel : channel_of_frame)
         tuning.delay_s.push_back(settings.delay_ms >= 0             ? settings.delay_ms * 1e-3
                                  : driver == nullptr || channel < 0 ? 0
@@ -221,8 +250,15 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
         setup.decoupler = make_decoupler(calibration, settings.method, 0, fault);
     }
     if (setup.decoupler == nullptr) settings.options.problem(fault.key, fault.text);
-    setup.channel_of_frame = channel_map(settings, calibration);
-    setup.frame_channels = settings.channels.empty() ? calibration.channels.size() : settings.channels.size();
+    Patch* const patch = setup.decoupler != nullptr ? setup.decoupler->patch() : nullptr;
+    if (patch == nullptr) {
+        setup.channel_of_frame = channel_map(settings, calibration);
+        setup.frame_channels = settings.channels.empty() ? calibration.channels.size() : settings.channels.size();
+    } else {
+        patch->set_counts_per_unit(settings.counts_per_unit);
+        if (!settings.channels.empty())
+            settings.options.problem("channels", "an array has taxels and no channels: delete this key");
+    }
     if (setup.decoupler == nullptr || !problems.empty()) return;
     setup.counts_per_unit = settings.counts_per_unit;
     const auto index_of = [&](const std::string& name) {
@@ -246,6 +282,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     setup.zero = zero_rates(calibration);
     node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
     tactiled_sensor& entry = node.plan.sensors.back();
+    node.plan.places.push_back(patch != nullptr ? put_array(entry, *patch) : std::vector<float>{});
     node.zeros.push_back(zero_owner(settings, calibration, setup));
     setup.zero_id = node.zeros.back().id;
     if (setup.automatic != nullptr) put_front(entry, *setup.automatic, settings.budget_us);
@@ -255,6 +292,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
         link->bindings.push_back({std::uint16_t(settings.device), std::uint16_t(node.sensors.size())});
         link->age.add(std::uint16_t(settings.device), std::uint64_t(settings.stale_ms) * 1'000'000u);
         driver = link->driver.get();
+        if (driver != nullptr && patch != nullptr) check_shape(settings, driver->taxel_shape(), patch->shape());
     }
     setup.tuning = tuning_of(settings, calibration, setup.channel_of_frame, entry.full_scale, driver);
     node.sensors.emplace_back(std::move(setup));
@@ -405,6 +443,7 @@ Node load_node(const std::string& config_path, Problems& problems, const std::st
     node.plan.group = config.shm.group;
     node.plan.watchdog_ms = std::uint32_t(config.node.watchdog_ms);
     node.plan.history = std::uint32_t(config.shm.history);
+    node.plan.array_history = std::uint32_t(config.shm.array_history);
     node.plan.calibration_id = identity_of(config, problems);
     return node;
 }

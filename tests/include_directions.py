@@ -12,7 +12,8 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 ALLOWED = {  # folder: prefixes of our own headers that its files may include
     "config": ["config/"],
     "drivers": ["config/options.hpp", "config/registry.hpp", "config/names.hpp", "drivers/", "tactiled/layout.h"],
-    "decoupling": ["config/options.hpp", "config/registry.hpp", "config/names.hpp", "config/calibration.hpp", "decoupling/", "tactiled/layout.h"],
+    "decoupling": ["config/options.hpp", "config/registry.hpp", "config/names.hpp", "config/calibration.hpp", "drivers/taxels.hpp", "decoupling/",
+                   "tactiled/layout.h"],
     "node/include/tactiled": ["folder.h", "layout.h", "mapping.h", "reader.h"],
     "node": ["config/", "drivers/", "decoupling/", "node/", "tactiled/"],
     "node/lab": ["config/", "drivers/", "decoupling/", "node/", "tactiled/"],

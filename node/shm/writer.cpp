@@ -65,7 +65,20 @@ std::size_t node_size_of(const SegmentPlan& plan) { return plan.tool ? sizeof(ta
 // More records with [tool], because a recording reads all of them: 64 ms of a 4 kHz loop.
 std::uint32_t node_records_of(const SegmentPlan& plan) { return plan.tool ? 4 * kNodeRecords : kNodeRecords; }
 
-// Returns the size without the rings of frames.
+std::size_t array_slot_of(const tactiled_sensor& sensor) {
+    return aligned(TACTILED_RECORD_OFFSET + tactiled_array_size(sensor.n_taxels, sensor.taxel_components));
+}
+
+// Returns the size of all arrays with their heads and places.
+std::size_t arrays_size_of(const SegmentPlan& plan) {
+    std::size_t size = 0;
+    for (const tactiled_sensor& sensor : plan.sensors)
+        if (sensor.n_taxels > 0)
+            size += array_slot_of(sensor) * plan.array_history + kAlign + aligned(6 * sizeof(float) * sensor.n_taxels);
+    return size;
+}
+
+// Returns the size without arrays and the rings of frames.
 std::size_t size_of(const SegmentPlan& plan, std::uint32_t history) {
     const std::size_t sensors = plan.sensors.size();
     const std::size_t slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_sample));
@@ -138,7 +151,8 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
         return SetupError(text);
     };
     const std::size_t frame_slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_frame));
-    size_ = size_of(plan, history_of(plan)) + (frame_slot * frames_of(plan) + kAlign) * plan.links.size();
+    size_ = size_of(plan, history_of(plan)) + (frame_slot * frames_of(plan) + kAlign) * plan.links.size() +
+            arrays_size_of(plan);
     wake_fd_ = make_wake_page();
     void* const page = ::mmap(nullptr, sizeof(tactiled_wake), PROT_READ, MAP_SHARED | MAP_POPULATE, wake_fd_, 0);
     if (wake_fd_ < 0 || page == MAP_FAILED) throw fail("the page of sleeping readers");
@@ -244,6 +258,11 @@ void SegmentWriter::lay_out(const SegmentPlan& plan, std::uint32_t epoch) {
         sensors[i] = plan.sensors[i];
         sensors[i].ring = ring(sizeof(tactiled_sample), history_of(plan));
         sensors[i].age_bound_us = TACTILED_AGE_UNBOUNDED;
+        if (sensors[i].n_taxels == 0) continue;
+        sensors[i].arrays =
+            ring(tactiled_array_size(sensors[i].n_taxels, sensors[i].taxel_components), plan.array_history);
+        sensors[i].taxel_place_offset = take(6 * sizeof(float) * sensors[i].n_taxels);
+        std::memcpy(base_ + sensors[i].taxel_place_offset, plan.places[i].data(), 6 * sizeof(float) * sensors[i].n_taxels);
     }
     auto* links = reinterpret_cast<tactiled_link*>(base_ + h.link_offset);
     for (std::size_t i = 0; i < plan.links.size(); ++i) {
@@ -261,6 +280,11 @@ void SegmentWriter::set_state(tactiled_state state) noexcept {
 void SegmentWriter::publish(std::uint32_t index, const tactiled_sample& sample) noexcept {
     const auto& sensor = reinterpret_cast<const tactiled_sensor*>(base_ + header().sensor_offset)[index];
     publish_record(base_, sensor.ring, sample.sequence, &sample, sizeof sample);
+}
+
+void SegmentWriter::publish_array(std::uint32_t index, std::uint64_t sequence, const void* record) noexcept {
+    const auto& sensor = reinterpret_cast<const tactiled_sensor*>(base_ + header().sensor_offset)[index];
+    publish_record(base_, sensor.arrays, sequence, record, sensor.arrays.record_size);
 }
 
 void SegmentWriter::publish(std::uint32_t index, std::uint64_t number, const Frame& frame) noexcept {
@@ -287,6 +311,8 @@ void SegmentWriter::set_sensor(std::uint32_t index, const tactiled_sensor& entry
     auto& live = reinterpret_cast<tactiled_sensor*>(base_ + header().sensor_offset)[index];
     tactiled_sensor wanted = entry;
     wanted.ring = live.ring;
+    wanted.arrays = live.arrays;
+    wanted.taxel_place_offset = live.taxel_place_offset;
     std::copy(std::begin(live.count), std::end(live.count), wanted.count);
     wanted.freshness = live.freshness;
     wanted.age_bound_us = live.age_bound_us;

@@ -22,9 +22,12 @@ struct SegmentPlan {
     std::uint32_t watchdog_ms = 250;
     // slots per sensor, a power of two; 0: the maximum up to 1024 with which the segment has at most 1 MB
     std::uint32_t history = 0;
+    std::uint32_t array_history = 128;  // slots of the arrays of a sensor, a power of two
     std::uint32_t calibration_id = 0;
     bool tool = false;  // the node records have a tool
     std::vector<tactiled_sensor> sensors;
+    // for each sensor with n_taxels: place, m, and normal of each taxel, six numbers
+    std::vector<std::vector<float>> places;
     std::vector<tactiled_link> links;
 };
 
@@ -46,6 +49,9 @@ public:
 
     // Publishes the next sample of sensor `index`; `sample.sequence` must count up by one. rt: wait-free
     void publish(std::uint32_t index, const tactiled_sample& sample) noexcept;
+    // Publishes the array of sample `sequence` of sensor `index`: a record of tactiled_array_size() bytes, before the sample.
+    // rt: wait-free, linear in the size
+    void publish_array(std::uint32_t index, std::uint64_t sequence, const void* record) noexcept;
     // Publishes the next frame of link `index`, number `number` from 0. rt: wait-free
     void publish(std::uint32_t index, std::uint64_t number, const Frame& frame) noexcept;
     // Publishes the next node record, after the samples that the record counts. rt: wait-free
@@ -54,7 +60,7 @@ public:
     // Counts the lateness of a wake-up of the loop. rt: wait-free
     void count_lateness(std::uint64_t late_ns) noexcept;
 
-    // set_sensor() replaces the directory entry of sensor `index`, except name, model, link, stale_ms and ring. Call it
+    // set_sensor() replaces the directory entry of sensor `index`, except name, model, link, stale_ms, ring and array. Call it
     // between begin_reload() and end_reload(), which also sets the new CAL_ID. rt: wait-free
     void begin_reload() noexcept;
     void set_sensor(std::uint32_t index, const tactiled_sensor& entry) noexcept;

@@ -1,5 +1,5 @@
 /* Defines the shared-memory segment of tactiled, the file tactiled.NAME in the daemon's run-time folder
- * (folder.h), for C11 and C++17. Version 1.8.
+ * (folder.h), for C11 and C++17. Version 1.9.
  *
  * The file has one header, a directory of sensors, a directory of links, one ring of node records, and one ring
  * of samples for each sensor. Only the daemon writes the file. Readers map it read-only, do not register, and
@@ -36,10 +36,11 @@ extern "C" {
 #define TACTILED_MAGIC "TACTILED" /* 8 bytes, no terminator */
 #define TACTILED_BYTE_ORDER 0x01020304u
 #define TACTILED_MAJOR 1
-#define TACTILED_MINOR 8
+#define TACTILED_MINOR 9
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
 #define TACTILED_MAX_CHANNELS 32 /* in a frame */
+#define TACTILED_MAX_TAXELS 4096 /* of an array */
 #define TACTILED_MAX_METHODS 8
 #define TACTILED_METHODS_SIZE 128
 #define TACTILED_NAME_SIZE 32 /* including the terminating zero */
@@ -532,12 +533,49 @@ struct tactiled_sensor {
     uint32_t freshness; /* enum tactiled_freshness; changes */
     /* Since 1.8, so an entry of TACTILED_SENSOR_SIZE_1_5 bytes lacks this field: call tactiled_age_bound_us_of(). */
     uint32_t age_bound_us; /* largest possible age of the newest frame, as of the node record; changes */
+    /* Since 1.9, so an entry of TACTILED_SENSOR_SIZE_1_8 bytes lacks these fields: call tactiled_array_of(). */
+    struct tactiled_ring arrays; /* records are struct tactiled_array and what follows it; no slots: not an array */
+    uint32_t n_taxels;
+    uint32_t taxel_components;            /* bits 0..2: fx fy fz of a taxel are measured */
+    uint32_t taxel_rows, taxel_columns;   /* a grid: taxel i is in row i / columns, column i % columns; 0 = a list */
+    uint32_t taxel_place_offset;          /* offset of float[n_taxels][6] in the file: place, m, and normal; frame S */
 };
 #define TACTILED_SENSOR_SIZE_1_0 216u
 #define TACTILED_SENSOR_SIZE_1_1 416u
 #define TACTILED_SENSOR_SIZE_1_3 544u
 #define TACTILED_SENSOR_SIZE_1_5 548u
+#define TACTILED_SENSOR_SIZE_1_8 552u
 #define TACTILED_AGE_UNBOUNDED 0xFFFFFFFFu /* tactiled_sensor.age_bound_us: the bound is that or larger, or not known */
+
+/* ---- arrays ----
+ *
+ * A sensor with taxels publishes its wrench as an ordinary sample, and with each sample an array of the same number
+ * in tactiled_sensor.arrays. A record is struct tactiled_array, then float force_S_N[n_taxels][number of components],
+ * then uint8_t state[n_taxels]. A force of a taxel that is not measured is NaN; all are where the sample is BAD.
+ * Since 1.9. */
+
+/* Why a taxel has no force of its own: bits of its state; 0 = it has one. */
+enum tactiled_taxel_state {
+    TACTILED_TAXEL_MISSING = 1 << 0,   /* the device sent no number */
+    TACTILED_TAXEL_SATURATED = 1 << 1, /* a value is at its limit */
+    TACTILED_TAXEL_DEAD = 1 << 2,      /* the calibration lists it */
+    TACTILED_TAXEL_FROZEN = 1 << 3,    /* it repeats its numbers */
+    TACTILED_TAXEL_OUTSIDE = 1 << 4    /* it has a force, beyond its calibrated range */
+};
+
+/* What an array yields. A quantity is NaN where the press does not determine it, and where the sample is BAD. Each sd is
+ * one standard deviation from the noise and the gains of the taxels. */
+struct tactiled_array {
+    struct tactiled_sample sample; /* sample number `sample.sequence` of the sensor; its verdict is that of the array */
+    uint32_t n_out;                /* taxels without a force of their own; the sums contain their neighbours' mean */
+    uint32_t n_contact;            /* taxels whose press is above the noise of all */
+    uint32_t peak_taxel;           /* taxel of the largest press, where peak_N is a number */
+    float peak_N, peak_sd_N;       /* its press, along its normal */
+    float cop_S_m[3], cop_sd_m[3]; /* centre of pressure */
+    float area_m2, area_sd_m2;     /* of the taxels in contact */
+    float axis_rad, axis_sd_rad;   /* direction of a long contact in x y, from x, -pi/2 .. pi/2; NaN for a round one */
+    uint32_t reserved;
+};
 
 /* Counters of a link, 32 bits each, wrapping: index of tactiled_link.count. */
 enum tactiled_link_count {
@@ -653,7 +691,8 @@ TACTILED_ASSERT(sizeof(struct tactiled_sample) == 240);
 TACTILED_ASSERT(sizeof(struct tactiled_grasp) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_tool) == 976);
 TACTILED_ASSERT(sizeof(struct tactiled_node) == 1440);
-TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 552);
+TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 592);
+TACTILED_ASSERT(sizeof(struct tactiled_array) == 304);
 TACTILED_ASSERT(sizeof(struct tactiled_link) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_frame) == 296);
 TACTILED_ASSERT(sizeof(struct tactiled_header) == 512);
@@ -781,6 +820,27 @@ static inline void tactiled_invalidate(struct tactiled_sample* sample, uint32_t 
 static inline int tactiled_is_fresh(uint64_t t_ns, uint64_t now_ns, uint32_t limit_ms) {
     const uint64_t limit_ns = (uint64_t)limit_ms * 1000000u;
     return now_ns - t_ns + limit_ns <= 2 * limit_ns; /* modulo 2^64: -limit .. limit */
+}
+
+/* Bytes of a record of an array, a multiple of 8. */
+static inline uint32_t tactiled_array_size(uint32_t n_taxels, uint32_t taxel_components) {
+    const uint32_t n = (uint32_t)__builtin_popcount(taxel_components);
+    return ((uint32_t)sizeof(struct tactiled_array) + n_taxels * (4 * n + 1) + 7) & ~7u;
+}
+
+/* Makes an array BAD, with the forces of its taxels. `n_forces`: n_taxels times the number of components. */
+static inline void tactiled_invalidate_array(struct tactiled_array* array, uint32_t n_forces, uint32_t reason) {
+    const uint32_t nan_bits = 0x7FC00000u;
+    float* const force = (float*)(void*)(array + 1);
+    float nan_value;
+    uint32_t i;
+    memcpy(&nan_value, &nan_bits, sizeof nan_value);
+    tactiled_invalidate(&array->sample, reason);
+    for (i = 0; i < n_forces; ++i) force[i] = nan_value;
+    for (i = 0; i < 3; ++i) array->cop_S_m[i] = array->cop_sd_m[i] = nan_value;
+    array->peak_N = array->peak_sd_N = array->area_m2 = array->area_sd_m2 = array->axis_rad = array->axis_sd_rad =
+        nan_value;
+    array->n_contact = 0;
 }
 
 /* Applies the age check that every reader must make before it uses a sample at `now_ns` (CLOCK_MONOTONIC): makes

@@ -47,6 +47,14 @@ static inline uint64_t tactiled_now_ns(void) /* CLOCK_MONOTONIC */
 
 /* ---- One mapping of one segment ------------------------------------------------------------------------------------ */
 
+/* The array of a sensor with taxels: constant while the segment exists. */
+struct tactiled_array_plan {
+    struct tactiled_ring ring; /* no slots: the sensor is not an array, or the daemon publishes none (before 1.9) */
+    uint32_t n_taxels, components, n_components; /* bits 0..2 of `components`: fx fy fz */
+    uint32_t rows, columns;                      /* 0 = a list of places */
+    uint32_t place_offset;
+};
+
 struct tactiled_segment {
     const char* base; /* NULL: not open */
     size_t size;
@@ -56,6 +64,7 @@ struct tactiled_segment {
     uint32_t watchdog_ms, n_sensors, sensor_offset, sensor_size, n_links, link_offset, link_size;
     uint32_t stale_ms[TACTILED_MAX_SENSORS];
     struct tactiled_ring node, ring[TACTILED_MAX_SENSORS];
+    struct tactiled_array_plan array[TACTILED_MAX_SENSORS];
     char folder[TACTILED_FOLDER_SIZE]; /* the folder of the segment */
     char why[320];                     /* the reason if the segment is not open; else a warning or "" */
 };
@@ -89,8 +98,23 @@ static inline uint32_t tactiled_freshness_of(const struct tactiled_segment* segm
 /* Returns the largest possible age of a sensor's newest frame, as of the node record, in us, rounded up;
  * TACTILED_AGE_UNBOUNDED if there is no frame yet or if the daemon does not publish the bound (before 1.8). */
 static inline uint32_t tactiled_age_bound_us_of(const struct tactiled_segment* segment, uint32_t index) {
-    if (segment->sensor_size < sizeof(struct tactiled_sensor)) return TACTILED_AGE_UNBOUNDED;
+    if (segment->sensor_size < TACTILED_SENSOR_SIZE_1_8) return TACTILED_AGE_UNBOUNDED;
     return __atomic_load_n(&tactiled_sensor_of(segment, index)->age_bound_us, __ATOMIC_RELAXED);
+}
+/* Returns the array of a sensor; one without slots if it has none. */
+static inline struct tactiled_array_plan tactiled_array_of(const struct tactiled_segment* segment, uint32_t index) {
+    const struct tactiled_sensor* const sensor = tactiled_sensor_of(segment, index);
+    struct tactiled_array_plan plan;
+    memset(&plan, 0, sizeof plan);
+    if (segment->sensor_size < sizeof *sensor || sensor->arrays.slots == 0) return plan;
+    plan.ring = sensor->arrays;
+    plan.n_taxels = sensor->n_taxels;
+    plan.components = sensor->taxel_components & 7u;
+    plan.n_components = (uint32_t)__builtin_popcount(plan.components);
+    plan.rows = sensor->taxel_rows;
+    plan.columns = sensor->taxel_columns;
+    plan.place_offset = sensor->taxel_place_offset;
+    return plan;
 }
 static inline const struct tactiled_link* tactiled_link_of(const struct tactiled_segment* segment, uint32_t index) {
     return (const struct tactiled_link*)(const void*)(segment->base + segment->link_offset +
@@ -142,6 +166,14 @@ static inline int tactiled_names_end(const char* names, uint32_t count, uint32_t
         if (memchr(names + (size_t)i * size, 0, size) == NULL) return 0;
     return 1;
 }
+/* Returns 1 if the array of a sensor is within the mapping, or if it has none. */
+static inline int tactiled_array_fits(const struct tactiled_segment* segment, const struct tactiled_array_plan* plan) {
+    if (plan->ring.slots == 0) return 1;
+    return plan->n_taxels >= 1 && plan->n_taxels <= TACTILED_MAX_TAXELS && tactiled_ring_fits(segment, &plan->ring) &&
+           plan->ring.record_size >= tactiled_array_size(plan->n_taxels, plan->components) &&
+           (uint64_t)plan->rows * plan->columns <= plan->n_taxels &&
+           tactiled_fits(segment, plan->place_offset, (uint64_t)plan->n_taxels * 6 * sizeof(float), 4);
+}
 /* Returns 1 if everything that the header describes is within the mapping; else segment->why has the reason. */
 static inline int tactiled_check(struct tactiled_segment* segment, const char* file) {
     struct tactiled_header copy;
@@ -187,6 +219,8 @@ static inline int tactiled_check(struct tactiled_segment* segment, const char* f
         segment->stale_ms[i] = sensor->stale_ms;
         memcpy(&segment->ring[i], &sensor->ring, sizeof sensor->ring);
         if (!tactiled_ring_fits(segment, &segment->ring[i])) wrong = "a sensor's ring lies outside";
+        segment->array[i] = tactiled_array_of(segment, i);
+        if (!tactiled_array_fits(segment, &segment->array[i])) wrong = "a sensor's array lies outside";
         if (!tactiled_names_end(sensor->name, 5, TACTILED_NAME_SIZE)) wrong = "a name of a sensor has no end";
     }
     for (i = 0; wrong == NULL && i < h->n_links; ++i) {
@@ -337,6 +371,55 @@ static inline int tactiled_latest(const struct tactiled_segment* segment, uint32
     if (!is_fresh) tactiled_invalidate(sample, TACTILED_STALE);
     if (!tactiled_is_current(segment) || !tactiled_is_alive(segment, sample->t_published_ns, judged_ns))
         tactiled_invalidate(sample, TACTILED_DAEMON_STOPPED);
+    return 1;
+}
+
+/* ---- Arrays. `array` has tactiled_array_size() bytes, at least those of segment->array[index]; see struct
+ * tactiled_array for what follows it. ---- */
+
+/* The forces of the taxels, N, frame S: component c of the measured ones of taxel i is [i * n_components + c]. */
+static inline const float* tactiled_taxel_forces(const struct tactiled_array* array) {
+    return (const float*)(const void*)(array + 1);
+}
+/* The states of the taxels, enum tactiled_taxel_state. */
+static inline const uint8_t* tactiled_taxel_states(const struct tactiled_array* array, const struct tactiled_array_plan* plan) {
+    return (const uint8_t*)(tactiled_taxel_forces(array) + (size_t)plan->n_taxels * plan->n_components);
+}
+/* Places, m, and normals of the taxels in frame S: six numbers for each. */
+static inline const float* tactiled_taxel_places(const struct tactiled_segment* segment, uint32_t index) {
+    return (const float*)(const void*)(segment->base + segment->array[index].place_offset);
+}
+
+/* Copies the array that belongs to the sample with this sequence number, unjudged. Returns 1, or 0 if the ring has
+ * another one there. */
+static inline int tactiled_array_of_sample(const struct tactiled_segment* segment, uint32_t index, uint64_t sequence,
+                                           struct tactiled_array* array) {
+    const struct tactiled_array_plan* const plan = &segment->array[index];
+    return plan->ring.slots != 0 && tactiled_ring_read(segment->base, &plan->ring, (uint32_t)sequence, array,
+                                                       tactiled_array_size(plan->n_taxels, plan->components));
+}
+/* Copies the newest array of a sensor, judged as in tactiled_latest(): where its sample is BAD, its forces are NaN. Returns
+ * 0 and a BAD array if there is none. */
+static inline int tactiled_latest_array(const struct tactiled_segment* segment, uint32_t index, struct tactiled_array* array,
+                                        uint64_t now_ns) {
+    const struct tactiled_array_plan* const plan = &segment->array[index];
+    const uint32_t n_forces = plan->n_taxels * plan->n_components;
+    uint64_t judged_ns = 0;
+    int tries, is_fresh = 0;
+    for (tries = 0; tries < 2 && !is_fresh; ++tries) { /* twice, as in tactiled_is_beating() */
+        if (plan->ring.slots == 0 || !tactiled_ring_latest(segment->base, &plan->ring, array,
+                                                           tactiled_array_size(plan->n_taxels, plan->components))) {
+            const int is_empty = plan->ring.slots == 0 || tactiled_ring_head(segment->base, &plan->ring) == 0;
+            memset(array, 0, sizeof *array);
+            tactiled_invalidate_array(array, n_forces, is_empty ? TACTILED_NO_DATA_YET : TACTILED_READER_OVERRUN);
+            return 0;
+        }
+        judged_ns = tactiled_judged_ns(now_ns);
+        is_fresh = tactiled_is_fresh(array->sample.t_ns, judged_ns, segment->stale_ms[index]);
+    }
+    if (!is_fresh) tactiled_invalidate_array(array, n_forces, TACTILED_STALE);
+    if (!tactiled_is_current(segment) || !tactiled_is_alive(segment, array->sample.t_published_ns, judged_ns))
+        tactiled_invalidate_array(array, n_forces, TACTILED_DAEMON_STOPPED);
     return 1;
 }
 

@@ -1,0 +1,132 @@
+#include "decoupling/patch/contact.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tactiled {
+namespace {
+
+constexpr double kFalse = 0.01;  // share of the frames in which noise alone shows a contact, or the axis of a round one
+constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+
+void put_none(tactiled_array& array) noexcept {
+    array.n_contact = array.peak_taxel = 0;
+    array.peak_N = array.peak_sd_N = array.axis_rad = array.axis_sd_rad = kNone;
+    array.area_m2 = array.area_sd_m2 = kNone;
+    std::fill_n(array.cop_S_m, 3, kNone);
+    std::fill_n(array.cop_sd_m, 3, kNone);
+}
+
+}  // namespace
+
+Contact::Contact(const TaxelPlaces& places, const TaxelNoise& noise)
+    : places_(places),
+      noise_(noise),
+      limit_N_(noise.sd[2] * float(std::sqrt(2 * std::log(double(places.n) / kFalse)))),
+      press_(places.n),
+      region_(places.n) {
+    terms_.reserve(places.n);
+}
+
+float Contact::press(const TaxelForces& forces, const TaxelForces& zero, std::size_t i) const noexcept {
+    float along = 0;
+    for (std::size_t c = 0; c < 3; ++c)
+        if (!forces.component[c].empty())
+            along += places_.normal[i][c] * (forces.component[c][i] - zero.component[c][i]);
+    return -along;
+}
+
+void Contact::find(const TaxelForces& forces, const TaxelForces& zero, const std::vector<TaxelOut>& out,
+                   tactiled_array& array) noexcept {
+    const std::size_t n = places_.n;
+    put_none(array);
+    if (!(limit_N_ > 0)) return;  // the noise is unknown
+    if (places_.is_flat())
+        for (std::size_t i = 0; i < n; ++i) press_[i] = zero.component[2][i] - forces.component[2][i];
+    else
+        for (std::size_t i = 0; i < n; ++i) press_[i] = press(forces, zero, i);
+    unsigned n_contact = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+        region_[i] = press_[i] > limit_N_ ? 2 : 0;
+        n_contact += region_[i];
+    }
+    array.n_contact = n_contact / 2;
+    if (n_contact == 0) return;
+    const auto peak = std::size_t(std::max_element(press_.begin(), press_.end()) - press_.begin());
+    array.peak_taxel = std::uint32_t(peak);
+    array.peak_N = press_[peak];
+    array.peak_sd_N = std::hypot(noise_.sd[2], noise_.gain * press_[peak]);
+    find_region(out);
+    array.area_m2 = places_.taxel_area_m2 * float(double(array.n_contact) - boundary_ / 2);
+    array.area_sd_m2 = places_.taxel_area_m2 * float(std::sqrt(boundary_ / 12));
+    put_centre(array);
+    put_axis(array);
+}
+
+// A taxel in contact beside one that is not is covered by a part that is unknown: 0 .. 1.
+void Contact::find_region(const std::vector<TaxelOut>& out) noexcept {
+    terms_.clear();
+    boundary_ = sum_N_ = 0;
+    centre_m_ = {};
+    for (std::size_t i = 0; i < places_.n; ++i) {
+        if (region_[i] != 2) continue;
+        bool is_edge = places_.neighbours[i].n < TaxelPlaces::kNeighbours;
+        for (std::size_t k = 0; k < places_.neighbours[i].n; ++k) {
+            std::uint8_t& beside = region_[places_.neighbours[i].of[k]];
+            is_edge = is_edge || beside != 2;
+            beside = std::max<std::uint8_t>(beside, 1);
+        }
+        boundary_ += is_edge ? 1 : 0;
+    }
+    for (std::size_t i = 0; i < places_.n; ++i) {
+        if (region_[i] == 0) continue;
+        const TaxelPlaces::Neighbours& beside = places_.neighbours[i];
+        double mean = 0;
+        for (std::size_t k = 0; k < beside.n; ++k) mean += double(press_[beside.of[k]]) / beside.n;
+        const double p = double(press_[i]), sd = double(noise_.sd[2]), of_gain = double(noise_.gain) * p;
+        const double e2 = (p - mean) * (p - mean) - sd * sd * (1 + 1. / std::max<int>(beside.n, 1));
+        terms_.push_back({p, sd * sd + of_gain * of_gain, std::max(e2, 0.), i});
+        sum_N_ += p;
+        centre_m_[0] += p * double(places_.x[i]);
+        centre_m_[1] += p * double(places_.y[i]);
+        centre_m_[2] += p * double(places_.z[i]);
+    }
+    for (double& c : centre_m_) c /= sum_N_;
+    for (const TaxelOut& one : out)
+        for (Term& term : terms_)
+            if (term.taxel == one.taxel) term.variance = double(one.variance[2]);
+}
+
+void Contact::put_centre(tactiled_array& array) const noexcept {
+    const std::array<const float*, 3> r{places_.x.data(), places_.y.data(), places_.z.data()};
+    const double within = double(places_.pitch_m) * double(places_.pitch_m) / 12;
+    for (std::size_t c = 0; c < 3; ++c) {
+        double variance = 0;
+        for (const Term& term : terms_) {
+            const double arm = double(r[c][term.taxel]) - centre_m_[c];
+            variance += arm * arm * term.variance + term.unexplained * within;
+        }
+        array.cop_S_m[c] = float(centre_m_[c]);
+        array.cop_sd_m[c] = float(std::sqrt(variance) / sum_N_);
+    }
+}
+
+// The direction in which the second moments of the press in x y are largest. Where they differ by no more than their noise
+// the contact is round.
+void Contact::put_axis(tactiled_array& array) const noexcept {
+    const double within = double(places_.pitch_m) * double(places_.pitch_m) / 12, z2 = -2 * std::log(kFalse);
+    double difference = 0, product = 0, variance = 0;
+    for (const Term& term : terms_) {
+        const double x = double(places_.x[term.taxel]) - centre_m_[0], y = double(places_.y[term.taxel]) - centre_m_[1];
+        difference += term.weight * (x * x - y * y);
+        product += term.weight * 2 * x * y;
+        const double r2 = x * x + y * y;
+        variance += r2 * r2 * term.variance / 2 + term.unexplained * within * 4 * r2;
+    }
+    const double squares = difference * difference + product * product;
+    if (!(squares > z2 * variance)) return;
+    array.axis_rad = float(std::atan2(product, difference) / 2);
+    array.axis_sd_rad = float(std::sqrt(variance / squares) / 2);
+}
+
+}  // namespace tactiled

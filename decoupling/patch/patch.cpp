@@ -1,0 +1,198 @@
+#include "decoupling/patch/patch.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include "decoupling/method.hpp"
+#include "decoupling/solve/domain.hpp"
+
+namespace tactiled {
+namespace {
+
+constexpr std::array<Parameter, 1> kNoiseParameters{{{"gain_sd", "sd of a taxel's own gain, relative", 0, 10, 0}}};
+constexpr std::array<KnownTable, 1> kNoiseTables{{{"taxel_sd", 1, kAnyNumber, false}}};
+constexpr auto kParameters = joined(joined(kPlaceParameters, kLawParameters), kNoiseParameters);
+constexpr auto kTables = joined(joined(kPlaceTables, kLawTables), kNoiseTables);
+
+TaxelNoise noise_of(const CalibrationData& data, std::string& fault) {
+    TaxelNoise noise;
+    noise.gain = float(data["gain_sd"]);
+    const NumberRows* const table = data.table("taxel_sd");
+    if (table == nullptr) return noise;
+    const std::vector<double>& sd = table->front();
+    if (sd.size() != 1 && sd.size() != 3) {
+        fault = fmt::format("table taxel_sd has {} numbers; it needs 1 (fz) or 3 (fx, fy, fz)", sd.size());
+        return noise;
+    }
+    for (std::size_t c = 3 - sd.size(); c < 3; ++c) noise.sd[c] = float(sd[c + sd.size() - 3]);
+    return noise;
+}
+
+TaxelForces forces_of(std::size_t n, std::uint32_t components) {
+    TaxelForces forces;
+    forces.state.assign(n, 0);
+    for (std::size_t c = 0; c < 3; ++c)
+        if ((components >> c & 1u) != 0) forces.component[c].assign(n, 0);
+    return forces;
+}
+
+// The components of the wrench that forces of these components determine.
+bool is_determined(std::uint32_t of_taxel, std::size_t c) { return of_taxel == 7 || (c >= 2 && c <= 4); }
+
+std::string fault_of_patch(const Calibration& calibration, std::uint32_t components) {
+    for (const auto& name : calibration.components)
+        if (!is_determined(components, component_index(name)))
+            return fmt::format("components has \"{}\", but the taxels measure fz alone: fz, mx, my are possible", name);
+    if (calibration.joint_domain.limit > 0 || !calibration.parity.sd.empty() || !calibration.sd_unloading.empty() ||
+        !calibration.temperature.zero_per_K.empty() || !calibration.matrix.empty())
+        return "an array has no matrix, joint_domain, parity, sd_unloading or temperature";
+    return "";
+}
+
+}  // namespace
+
+Patch::Patch(const CalibrationData& data, std::string& fault)
+    : places_(places_of(data, fault)),
+      law_(data, places_, fault),
+      noise_(noise_of(data, fault)),
+      sums_(places_, noise_),
+      contact_(places_, noise_) {
+    const Calibration& calibration = data.calibration();
+    if (fault.empty()) fault = fault_of_patch(calibration, law_.components());
+    if (!fault.empty()) return;
+    forces_ = zero_ = mean_ = forces_of(places_.n, law_.components());
+    out_.reserve(places_.n);
+    record_.assign(record_size() / sizeof(std::uint64_t), 0);
+    if (calibration.nominal) always_ |= TACTILED_UNCALIBRATED;
+    if (data.table("taxel_sd") == nullptr) always_ |= TACTILED_UNKNOWN_UNCERTAINTY;
+    for (std::size_t i = 0; i < calibration.components.size(); ++i) {
+        const std::size_t c = component_index(calibration.components[i]);
+        seen_[c] = true;
+        full_scale_[c] = calibration.full_scale.empty() ? kLargest : (1 + kDomainMargin) * calibration.full_scale[i];
+        if (!calibration.sd.empty()) sd_[c] = calibration.sd[i];
+        if (!calibration.sd_slope.empty()) sd_slope_[c] = calibration.sd_slope[i];
+    }
+}
+
+Estimate Patch::decouple(const Reading& reading) noexcept {
+    Estimate estimate;
+    auto& array = *reinterpret_cast<tactiled_array*>(record_.data());
+    array.n_out = 0;
+    if (reading.taxels.shape != law_.shape()) {
+        estimate.reasons = TACTILED_WRONG_DEVICE;
+        return estimate;
+    }
+    estimate.reasons = always_;
+    out_.clear();
+    if (law_.apply(reading.taxels.value, forces_)) array.n_out = find_out(estimate);
+    if (2 * std::size_t(array.n_out) > places_.n) return estimate;
+    put_sums(estimate);
+    average();
+    contact_.find(forces_, zero_, out_, array);
+    for (std::size_t c = 0; c < 2; ++c) estimate.cop_S_m[c] = double(array.cop_S_m[c]);
+    return estimate;
+}
+
+// Lists the taxels without a force and predicts them. Returns their number. A frame of which more than half are out has no
+// value.
+std::uint32_t Patch::find_out(Estimate& estimate) noexcept {
+    std::uint32_t states = 0;
+    for (std::size_t i = 0; i < places_.n; ++i) {
+        const std::uint8_t state = forces_.state[i] & ~std::uint8_t(TACTILED_TAXEL_OUTSIDE);
+        if (state == 0) continue;
+        states |= state;
+        out_.push_back({.taxel = std::uint16_t(i)});
+    }
+    if (2 * out_.size() > places_.n) {
+        estimate.reasons |= TACTILED_MISSING_CHANNEL;
+        return std::uint32_t(out_.size());
+    }
+    predict(places_, noise_, zero_, forces_, out_);
+    const bool is_supported = std::ranges::all_of(out_, &TaxelOut::is_supported);
+    if ((states & TACTILED_TAXEL_SATURATED) != 0) estimate.reasons |= TACTILED_SATURATED | TACTILED_UNKNOWN_UNCERTAINTY;
+    if (!is_supported) estimate.reasons |= TACTILED_MISSING_CHANNEL | TACTILED_UNKNOWN_UNCERTAINTY;
+    if (!is_supported && (states & TACTILED_TAXEL_FROZEN) != 0) estimate.reasons |= TACTILED_FROZEN;
+    return std::uint32_t(out_.size());
+}
+
+void Patch::put_sums(Estimate& estimate) noexcept {
+    sums_.add(forces_, out_);
+    const bool is_known = (estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) == 0;
+    for (std::size_t c = 0; c < 6; ++c) {
+        if (!seen_[c]) continue;
+        const double w = sums_.wrench()[c], common = sd_slope_[c] * w;
+        estimate.wrench_S[c] = w;
+        if (is_known) estimate.sd[c] = std::sqrt(sums_.variance()[c] + sd_[c] * sd_[c] + common * common);
+        if (std::abs(w) > full_scale_[c]) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+    }
+    for (const std::uint8_t state : forces_.state)
+        if ((state & TACTILED_TAXEL_OUTSIDE) != 0) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+    estimate.has_value = true;
+}
+
+// The mean of the forces since begin_tare().
+void Patch::average() noexcept {
+    if (!is_taring_) return;
+    const float weight = 1 / float(++n_tare_);
+    for (std::size_t c = 0; c < 3; ++c)
+        for (std::size_t i = 0; i < mean_.component[c].size(); ++i) {
+            float& mean = mean_.component[c][i];
+            mean = n_tare_ == 1 ? forces_.component[c][i] : mean + weight * (forces_.component[c][i] - mean);
+        }
+}
+
+void Patch::end_tare(bool is_taken) noexcept {
+    if (is_taken && is_taring_ && n_tare_ > 0) {
+        std::swap(zero_.component, mean_.component);
+        has_zero_ = true;
+        contact_.find(forces_, zero_, out_, *reinterpret_cast<tactiled_array*>(record_.data()));
+    }
+    is_taring_ = false;
+}
+
+void Patch::untare() noexcept {
+    is_taring_ = has_zero_ = false;
+    for (auto& component : zero_.component) std::ranges::fill(component, 0.f);
+}
+
+const void* Patch::record(const tactiled_sample& sample) noexcept {
+    auto& array = *reinterpret_cast<tactiled_array*>(record_.data());
+    array.sample = sample;
+    if (sample.tare_count != 0 && !has_zero_) array.sample.reasons |= TACTILED_ZERO_UNKNOWN;
+    tactiled_put_verdict(&array.sample, sample.quality != TACTILED_BAD);
+    const std::size_t n = places_.n, n_components = std::size_t(std::popcount(law_.components()));
+    auto* const force = reinterpret_cast<float*>(&array + 1);
+    auto* const state = reinterpret_cast<std::uint8_t*>(force + n * n_components);
+    if (sample.quality == TACTILED_BAD) {
+        tactiled_invalidate_array(&array, std::uint32_t(n * n_components), sample.reasons);
+        return record_.data();
+    }
+    std::size_t k = 0;
+    for (std::size_t c = 0; c < 3; ++c) {
+        if (forces_.component[c].empty()) continue;
+        const float *const f = forces_.component[c].data(), *const zero = zero_.component[c].data();
+        for (std::size_t i = 0; i < n; ++i) force[i * n_components + k] = f[i] - zero[i];
+        ++k;
+    }
+    std::copy_n(forces_.state.data(), n, state);
+    for (const TaxelOut& one : out_)
+        for (k = 0; k < n_components; ++k) force[one.taxel * n_components + k] = std::numeric_limits<float>::quiet_NaN();
+    return record_.data();
+}
+
+namespace {
+
+std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault) {
+    auto patch = std::make_unique<Patch>(data, fault);
+    return fault.empty() ? std::move(patch) : nullptr;
+}
+
+const MethodEntry entry{
+    .model = "patch", .method = "linear", .place = 10, .parameters = kParameters, .tables = kTables, .make = make};
+
+}  // namespace
+}  // namespace tactiled

@@ -1,0 +1,115 @@
+#include "decoupling/patch/sums.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace tactiled {
+namespace {
+
+// Sums of products over all taxels. The partial sums are side by side in the processor's registers, and their order does not
+// depend on them: results are equal on all machines.
+constexpr std::size_t kLanes = 16;
+
+template <class F>
+double sum(std::size_t n, F term) noexcept {
+    float lane[kLanes]{};
+    std::size_t i = 0;
+    for (; i + kLanes <= n; i += kLanes)
+        for (std::size_t k = 0; k < kLanes; ++k) lane[k] += term(i + k);
+    for (std::size_t k = 0; i < n; ++i, ++k) lane[k] += term(i);
+    double total = 0;
+    for (const float part : lane) total += double(part);
+    return total;
+}
+
+bool has_force(const TaxelForces& forces, std::size_t i) noexcept {
+    return (forces.state[i] & ~std::uint8_t(TACTILED_TAXEL_OUTSIDE)) == 0;
+}
+
+// Mean force of the neighbours of i that have one, without `skipped`, after the zero; their number in `n`.
+float mean_beside(const TaxelPlaces& places, const TaxelForces& zero, const TaxelForces& forces, std::size_t c, std::size_t i,
+                  std::size_t skipped, unsigned& n) noexcept {
+    const TaxelPlaces::Neighbours& beside = places.neighbours[i];
+    float mean = 0;
+    n = 0;
+    for (std::size_t k = 0; k < beside.n; ++k) {
+        const std::size_t j = beside.of[k];
+        if (j == skipped || !has_force(forces, j)) continue;
+        mean += forces.component[c][j] - zero.component[c][j];
+        ++n;
+    }
+    return n > 0 ? mean / float(n) : 0;
+}
+
+}  // namespace
+
+void predict(const TaxelPlaces& places, const TaxelNoise& noise, const TaxelForces& zero, TaxelForces& forces,
+             std::vector<TaxelOut>& out) noexcept {
+    for (TaxelOut& one : out) {
+        const std::size_t i = one.taxel;
+        const TaxelPlaces::Neighbours& beside = places.neighbours[i];
+        for (std::size_t c = 0; c < 3; ++c) {
+            if (forces.component[c].empty()) continue;
+            unsigned n = 0;
+            const float mean = mean_beside(places, zero, forces, c, i, i, n);
+            one.is_supported = n > 0 && 2 * n >= beside.n;
+            float squares = 0;
+            for (std::size_t k = 0; k < beside.n; ++k) {
+                const std::size_t j = beside.of[k];
+                unsigned n_beside = 0;
+                if (!has_force(forces, j)) continue;
+                const float error = forces.component[c][j] - zero.component[c][j] -
+                                    mean_beside(places, zero, forces, c, j, i, n_beside);
+                squares += error * error;
+            }
+            one.variance[c] = n > 0 ? squares / float(n) : noise.sd[c] * noise.sd[c];
+            forces.component[c][i] = zero.component[c][i] + mean;
+        }
+    }
+}
+
+Sums::Sums(const TaxelPlaces& places, const TaxelNoise& noise) noexcept : places_(places), noise_(noise) {
+    for (std::size_t i = 0; i < places.n; ++i) {
+        const double x2 = double(places.x[i]) * double(places.x[i]), y2 = double(places.y[i]) * double(places.y[i]),
+                     z2 = double(places.z[i]) * double(places.z[i]);
+        const double vx = double(noise.sd[0]) * double(noise.sd[0]), vy = double(noise.sd[1]) * double(noise.sd[1]),
+                     vz = double(noise.sd[2]) * double(noise.sd[2]);
+        of_noise_[0] += vx, of_noise_[1] += vy, of_noise_[2] += vz;
+        of_noise_[3] += y2 * vz + z2 * vy, of_noise_[4] += z2 * vx + x2 * vz, of_noise_[5] += x2 * vy + y2 * vx;
+    }
+}
+
+void Sums::add(const TaxelForces& forces, const std::vector<TaxelOut>& out) noexcept {
+    const std::size_t n = places_.n;
+    const std::array<const float*, 3> r{places_.x.data(), places_.y.data(), places_.z.data()};
+    std::array<const float*, 3> f{};
+    wrench_ = {};
+    variance_ = of_noise_;
+    const double g2 = double(noise_.gain) * double(noise_.gain);
+    for (std::size_t c = 0; c < 3; ++c) {
+        if (forces.component[c].empty()) continue;
+        f[c] = forces.component[c].data();
+        wrench_[c] = sum(n, [a = f[c]](std::size_t i) { return a[i]; });
+        variance_[c] += g2 * sum(n, [a = f[c]](std::size_t i) { return a[i] * a[i]; });
+    }
+    for (std::size_t c = 0; c < 3; ++c) {  // the moment about axis c: r_a f_b - r_b f_a
+        const std::size_t a = (c + 1) % 3, b = (c + 2) % 3;
+        const auto product = [&](const float* arm, const float* force, double sign) {
+            if (force == nullptr) return;
+            wrench_[3 + c] += sign * sum(n, [=](std::size_t i) { return arm[i] * force[i]; });
+            variance_[3 + c] +=
+                g2 * sum(n, [=](std::size_t i) { return arm[i] * force[i] * (arm[i] * force[i]); });
+        };
+        product(r[a], f[b], 1);
+        product(r[b], f[a], -1);
+    }
+    for (const TaxelOut& one : out)
+        for (std::size_t c = 0; c < 3; ++c) {
+            const std::size_t a = (c + 1) % 3, b = (c + 2) % 3;
+            const auto arm = [&](std::size_t k) { return double(r[k][one.taxel]) * double(r[k][one.taxel]); };
+            variance_[c] += double(one.variance[c]);
+            variance_[3 + c] += arm(a) * double(one.variance[b]) + arm(b) * double(one.variance[a]);
+        }
+}
+
+}  // namespace tactiled

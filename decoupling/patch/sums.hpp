@@ -1,0 +1,52 @@
+// The wrench of an array: the sum of its taxels' forces and of their moments about the origin of S, with its standard
+// deviation.
+//
+//     var F = n sd^2 + g^2 sum f^2 + ...,    M = sum r x f,    var M likewise with the arms r
+//
+// with the noise sd of a taxel and the sd g of its gain, which are its own; what all taxels of a calibration have in common
+// is in `sd` and `sd_slope` of the calibration.
+#pragma once
+#include <array>
+#include <vector>
+
+#include "decoupling/decoupler.hpp"
+#include "decoupling/patch/taxel_law.hpp"
+
+namespace tactiled {
+
+// A taxel without a force of its own.
+struct TaxelOut {
+    std::uint16_t taxel = 0;
+    bool is_supported = false;              // at least half of its neighbours have forces
+    std::array<float, 3> variance{};        // of the predicted force, N^2
+};
+
+// The sd of a taxel's force, N in its components, and of its gain.
+struct TaxelNoise {
+    std::array<float, 3> sd{};
+    float gain = 0;
+};
+
+// Gives each taxel in `out` the mean force of its neighbours, in `forces`, and the error that the same prediction has at
+// these neighbours in this frame. `zero` is subtracted from all forces first, and added again.
+// rt: wait-free
+void predict(const TaxelPlaces& places, const TaxelNoise& noise, const TaxelForces& zero, TaxelForces& forces,
+             std::vector<TaxelOut>& out) noexcept;
+
+class Sums {
+public:
+    // setup
+    Sums(const TaxelPlaces& places, const TaxelNoise& noise) noexcept;
+    // Sums all forces, which are finite. rt: wait-free
+    void add(const TaxelForces& forces, const std::vector<TaxelOut>& out) noexcept;
+    [[nodiscard]] const Wrench& wrench() const noexcept { return wrench_; }
+    [[nodiscard]] const Wrench& variance() const noexcept { return variance_; }
+
+private:
+    const TaxelPlaces& places_;
+    TaxelNoise noise_;
+    Wrench of_noise_{};  // variance without a load
+    Wrench wrench_{}, variance_{};
+};
+
+}  // namespace tactiled

@@ -1,0 +1,139 @@
+#include "decoupling/patch/taxel_law.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "decoupling/solve/domain.hpp"
+#include "tactiled/layout.h"
+
+namespace tactiled {
+namespace {
+
+// out += weight (raw - zero) over all taxels. rt: wait-free
+void add(float weight, const float* raw, const float* zero, std::size_t n, float* out) noexcept {
+    for (std::size_t i = 0; i < n; ++i) out[i] += weight * (raw[i] - zero[i]);
+}
+
+std::string fault_of_sizes(const CalibrationData& data, std::size_t n) {
+    const std::size_t values = data.calibration().channels.size(), rows = data.table("taxel")->size();
+    if (values > kMaxTaxelValues) return fmt::format("{} channels; a taxel has at most {}", values, kMaxTaxelValues);
+    if (rows != 1 && rows != 3) return fmt::format("table taxel has {} rows; it needs 1 (fz) or 3 (fx, fy, fz)", rows);
+    for (const char* const name : {"zero", "gain"})
+        if (const NumberRows* table = data.table(name); table != nullptr && table->front().size() != n)
+            return fmt::format("table {} has {} numbers in a row for {} taxels", name, table->front().size(), n);
+    if (const NumberRows* list = data.table("dead"))
+        for (const double i : list->front())
+            if (!(i >= 0 && i < double(n)) || i != std::floor(i))
+                return fmt::format("table dead has {}; a taxel is 0 .. {}", i, n - 1);
+    return "";
+}
+
+constexpr std::uint8_t kNoForce =
+    TACTILED_TAXEL_MISSING | TACTILED_TAXEL_SATURATED | TACTILED_TAXEL_DEAD | TACTILED_TAXEL_FROZEN;
+
+}  // namespace
+
+TaxelLaw::TaxelLaw(const CalibrationData& data, const TaxelPlaces& places, std::string& fault)
+    : places_(places),
+      calibrated_frozen_after_(unsigned(data["frozen_after"])),
+      frozen_after_(calibrated_frozen_after_),
+      full_scale_N_(float((1 + kDomainMargin) * data["taxel_full_scale_N"])) {
+    const Calibration& calibration = data.calibration();
+    const std::size_t n = places.n, values = calibration.channels.size();
+    if (fault.empty()) fault = fault_of_sizes(data, n);
+    if (!fault.empty()) return;
+    shape_ = {std::uint16_t(n), std::uint16_t(values)};
+    const NumberRows& rows = *data.table("taxel");
+    for (const auto& row : rows) matrix_.emplace_back(row.begin(), row.end());
+    components_ = rows.size() == 3 || !places.is_flat() ? 7 : 4;
+    for (std::size_t v = 0; v < values; ++v) {
+        if (const NumberRows* zeros = data.table("zero"))
+            zero_.insert(zero_.end(), (*zeros)[v].begin(), (*zeros)[v].end());
+        else
+            zero_.insert(zero_.end(), n, float(calibration.zero[v]));
+    }
+    gain_.assign(n, 1);
+    if (const NumberRows* gains = data.table("gain")) gain_.assign(gains->front().begin(), gains->front().end());
+    dead_.assign(n, 0);
+    if (const NumberRows* list = data.table("dead"))
+        for (const double i : list->front()) dead_[std::size_t(i)] = TACTILED_TAXEL_DEAD;
+    has_dead_ = data.table("dead") != nullptr;
+    if (!places.is_flat())
+        for (auto& component : own_) component.assign(n, 0);
+    before_.assign(shape_.size(), std::numeric_limits<float>::quiet_NaN());
+    repeats_.assign(n, 0);
+}
+
+void TaxelLaw::set_counts_per_unit(double counts) noexcept {
+    for (auto& row : matrix_)
+        for (float& weight : row) weight = float(double(weight) / counts);
+    for (float& zero : zero_) zero = float(double(zero) * counts);
+}
+
+bool TaxelLaw::apply(std::span<const float> raw, TaxelForces& out) noexcept {
+    const std::size_t n = shape_.taxels, first = matrix_.size() == 1 ? 2 : 0;
+    auto& force = places_.is_flat() ? out.component : own_;
+    float sum = 0;  // is not a number where a force is not one
+    for (std::size_t c = 0; c < matrix_.size(); ++c) {
+        float* const f = force[first + c].data();
+        std::fill_n(f, n, 0.f);
+        for (std::size_t v = 0; v < shape_.values; ++v) add(matrix_[c][v], &raw[v * n], &zero_[v * n], n, f);
+        for (std::size_t i = 0; i < n; ++i) f[i] *= gain_[i];
+        for (std::size_t i = 0; i < n; ++i) sum += 0 * f[i];
+    }
+    std::copy_n(dead_.data(), n, out.state.data());
+    bool any_out = has_dead_;
+    if (!std::isfinite(sum)) {
+        any_out = true;
+        for (std::size_t i = 0; i < n; ++i)
+            for (std::size_t c = 0; c < matrix_.size(); ++c)
+                if (!std::isfinite(force[first + c][i])) out.state[i] |= why_missing(raw, i);
+    }
+    if (frozen_after_ > 0) {
+        count_repeats(raw);
+        for (std::size_t i = 0; i < n; ++i) {
+            if (repeats_[i] < frozen_after_) continue;
+            out.state[i] |= TACTILED_TAXEL_FROZEN;
+            any_out = true;
+        }
+    }
+    for (std::size_t i = 0; i < n; ++i) 
+        out.state[i] |= std::uint8_t(std::abs(force[2][i]) > full_scale_N_ ? TACTILED_TAXEL_OUTSIDE : 0);
+    if (!places_.is_flat()) turn(out);
+    for (std::size_t i = 0; any_out && i < n; ++i)
+        if ((out.state[i] & kNoForce) != 0)
+            for (auto& component : out.component)
+                if (!component.empty()) component[i] = std::numeric_limits<float>::quiet_NaN();
+    return any_out;
+}
+
+std::uint8_t TaxelLaw::why_missing(std::span<const float> raw, std::size_t i) const noexcept {
+    std::uint8_t why = TACTILED_TAXEL_SATURATED;
+    for (std::size_t v = 0; v < shape_.values; ++v)
+        if (std::isnan(raw[v * shape_.taxels + i])) why = TACTILED_TAXEL_MISSING;
+    return why;
+}
+
+void TaxelLaw::count_repeats(std::span<const float> raw) noexcept {
+    const std::size_t n = shape_.taxels;
+    for (std::size_t i = 0; i < n; ++i) {
+        bool same = true;
+        for (std::size_t v = 0; v < shape_.values; ++v) same = same && raw[v * n + i] == before_[v * n + i];
+        repeats_[i] = same ? std::uint16_t(std::min<unsigned>(repeats_[i] + 1u, 65535)) : std::uint16_t(0);
+    }
+    std::copy(raw.begin(), raw.end(), before_.begin());
+}
+
+void TaxelLaw::turn(TaxelForces& out) noexcept {
+    for (std::size_t i = 0; i < shape_.taxels; ++i)
+        for (std::size_t c = 0; c < 3; ++c) {
+            float sum = 0;
+            for (std::size_t k = 0; k < 3; ++k) sum += places_.axes[i][k][c] * own_[k][i];
+            out.component[c][i] = sum;
+        }
+}
+
+}  // namespace tactiled

@@ -1,0 +1,68 @@
+// Raw values of the taxels -> the force of each in frame S. All loops run over the taxels, one component at a time.
+#pragma once
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "decoupling/patch/places.hpp"
+#include "drivers/taxels.hpp"
+
+namespace tactiled {
+
+// The forces of n taxels, N: component c is component[c], empty if it is not measured.
+struct TaxelForces {
+    std::array<std::vector<float>, 3> component;
+    std::vector<std::uint8_t> state;  // enum tactiled_taxel_state
+};
+
+// Of taxel i, in its own frame: f = gain_i matrix (values - zero_i), with one matrix for all taxels.
+class TaxelLaw {
+public:
+    // A row of the table `taxel` is fz, or fx, fy, fz: N per channel_unit for each value. setup
+    TaxelLaw(const CalibrationData& data, const TaxelPlaces& places, std::string& fault);
+
+    [[nodiscard]] TaxelShape shape() const noexcept { return shape_; }
+    // Bits 0..2: the components of a force in frame S that are measured. setup
+    [[nodiscard]] std::uint32_t components() const noexcept { return components_; }
+    // The raw numbers are this times the calibration's unit. setup
+    void set_counts_per_unit(double counts) noexcept;
+    // A taxel that repeats all its values for so many frames is frozen; 0 = never, -1 = by the calibration. rt: wait-free
+    void set_frozen_after(int frames) noexcept { frozen_after_ = frames >= 0 ? unsigned(frames) : calibrated_frozen_after_; }
+
+    // Sets the forces and states of all taxels; the force of one without a value is not a number. Returns true if some
+    // taxel has no force of its own. `raw` has shape().size() numbers. rt: wait-free, linear in them
+    bool apply(std::span<const float> raw, TaxelForces& out) noexcept;
+    void forget() noexcept { repeats_.assign(repeats_.size(), 0); }
+
+private:
+    void count_repeats(std::span<const float> raw) noexcept;
+    [[nodiscard]] std::uint8_t why_missing(std::span<const float> raw, std::size_t i) const noexcept;
+    void turn(TaxelForces& out) noexcept;
+
+    TaxelShape shape_;
+    std::uint32_t components_ = 0;
+    const TaxelPlaces& places_;
+    std::vector<std::vector<float>> matrix_;     // a row for each component of a taxel's frame
+    std::vector<float> zero_, gain_;             // value v of taxel i: v n + i; of taxel i
+    std::vector<std::uint8_t> dead_;             // states of the taxels that the calibration lists
+    bool has_dead_ = false;
+    std::array<std::vector<float>, 3> own_;      // forces in the taxels' frames, where these are not S
+    std::vector<float> before_;                  // raw values of the last frame
+    std::vector<std::uint16_t> repeats_;
+    unsigned calibrated_frozen_after_, frozen_after_;
+    float full_scale_N_;                         // of a taxel, along its normal
+};
+
+// What TaxelLaw reads from a calibration.
+inline constexpr std::array<Parameter, 2> kLawParameters{
+    {{"taxel_full_scale_N", "largest calibrated press on a taxel, N", kAboveZero, kLargest, kLargest},
+     {"frozen_after", "frames after which a taxel that repeats its values is dead; 0 = never", 0, 65535, 0}}};
+inline constexpr std::array<KnownTable, 4> kLawTables{{{"taxel", kAnyNumber, kPerChannel},
+                                                       {"zero", kPerChannel, kAnyNumber, false},
+                                                       {"gain", 1, kAnyNumber, false},
+                                                       {"dead", 1, kAnyNumber, false}}};
+
+}  // namespace tactiled
