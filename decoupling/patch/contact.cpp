@@ -40,6 +40,7 @@ void Contact::find(const TaxelForces& forces, const TaxelForces& zero, const std
                    tactiled_array& array) noexcept {
     const std::size_t n = places_.n;
     put_none(array);
+    terms_.clear();
     if (!(limit_N_ > 0)) return;  // the noise is unknown
     if (places_.is_flat())
         for (std::size_t i = 0; i < n; ++i) press_[i] = zero.component[2][i] - forces.component[2][i];
@@ -56,75 +57,92 @@ void Contact::find(const TaxelForces& forces, const TaxelForces& zero, const std
     array.peak_taxel = std::uint32_t(peak);
     array.peak_N = press_[peak];
     array.peak_sd_N = std::hypot(noise_.sd[2], noise_.gain * press_[peak]);
-    find_region(out);
-    array.area_m2 = places_.taxel_area_m2 * float(double(array.n_contact) - boundary_ / 2);
-    array.area_sd_m2 = places_.taxel_area_m2 * float(std::sqrt(boundary_ / 12));
+    find_region();
+    use_variances(out);
+    array.area_m2 = places_.taxel_area_m2 * (float(array.n_contact) - float(boundary_) / 2);
+    array.area_sd_m2 = places_.taxel_area_m2 * float(boundary_) / std::sqrt(12.f);
     put_centre(array);
     put_axis(array);
 }
 
-// A taxel in contact beside one that is not is covered by a part that is unknown: 0 .. 1.
-void Contact::find_region(const std::vector<TaxelOut>& out) noexcept {
-    terms_.clear();
-    boundary_ = sum_N_ = 0;
-    centre_m_ = {};
+void Contact::find_region() noexcept {
+    boundary_ = 0;
     for (std::size_t i = 0; i < places_.n; ++i) {
         if (region_[i] != 2) continue;
-        bool is_edge = places_.neighbours[i].n < TaxelPlaces::kNeighbours;
-        for (std::size_t k = 0; k < places_.neighbours[i].n; ++k) {
-            std::uint8_t& beside = region_[places_.neighbours[i].of[k]];
-            is_edge = is_edge || beside != 2;
-            beside = std::max<std::uint8_t>(beside, 1);
+        const TaxelPlaces::Neighbours& beside = places_.neighbours[i];
+        bool is_edge = beside.n < TaxelPlaces::kNeighbours;
+        for (std::size_t k = 0; k < beside.n; ++k) {
+            std::uint8_t& other = region_[beside.of[k]];
+            is_edge = is_edge || other != 2;
+            other = std::max<std::uint8_t>(other, 1);
         }
         boundary_ += is_edge ? 1 : 0;
     }
-    for (std::size_t i = 0; i < places_.n; ++i) {
-        if (region_[i] == 0) continue;
-        const TaxelPlaces::Neighbours& beside = places_.neighbours[i];
-        double mean = 0;
-        for (std::size_t k = 0; k < beside.n; ++k) mean += double(press_[beside.of[k]]) / beside.n;
-        const double p = double(press_[i]), sd = double(noise_.sd[2]), of_gain = double(noise_.gain) * p;
-        const double e2 = (p - mean) * (p - mean) - sd * sd * (1 + 1. / std::max<int>(beside.n, 1));
-        terms_.push_back({p, sd * sd + of_gain * of_gain, std::max(e2, 0.), i});
-        sum_N_ += p;
-        centre_m_[0] += p * double(places_.x[i]);
-        centre_m_[1] += p * double(places_.y[i]);
-        centre_m_[2] += p * double(places_.z[i]);
-    }
+    sum_N_ = 0;
+    centre_m_ = {};
+    for (std::size_t i = 0; i < places_.n; ++i)
+        if (region_[i] != 0) add_term(i);
     for (double& c : centre_m_) c /= sum_N_;
+}
+
+void Contact::add_term(std::size_t i) noexcept {
+    const std::array<const float*, 3> r{places_.x.data(), places_.y.data(), places_.z.data()};
+    const TaxelPlaces::Neighbours& beside = places_.neighbours[i];
+    const double p = double(press_[i]), of_gain = double(noise_.gain) * p;
+    Term term{i, p, double(noise_.sd[2]) * double(noise_.sd[2]) + of_gain * of_gain, {}};
+    for (std::size_t c = 0; c < 3; ++c) {
+        double largest = 0, least = kLargest;
+        for (std::size_t k = 0; k < beside.n; ++k) {
+            if (std::abs(r[c][beside.of[k]] - r[c][i]) <= places_.pitch_m / 2) continue;
+            largest = std::max(largest, double(press_[beside.of[k]]));
+            least = std::min(least, std::max(0., double(press_[beside.of[k]])));
+        }
+        const double above = std::max(0., p - largest), across = std::max(0., largest - least);
+        term.within[c] = (above * above / 12 + across * across / 720) * double(places_.pitch_m) * double(places_.pitch_m);
+        centre_m_[c] += p * double(r[c][i]);
+    }
+    sum_N_ += p;
+    terms_.push_back(term);
+}
+
+void Contact::use_variances(const std::vector<TaxelOut>& out) noexcept {
     for (const TaxelOut& one : out)
         for (Term& term : terms_)
             if (term.taxel == one.taxel) term.variance = double(one.variance[2]);
 }
 
+std::array<double, 2> Contact::within() const noexcept {
+    std::array<double, 2> variance{};
+    for (const Term& term : terms_) variance[0] += term.within[1], variance[1] += term.within[0];
+    return variance;
+}
+
 void Contact::put_centre(tactiled_array& array) const noexcept {
     const std::array<const float*, 3> r{places_.x.data(), places_.y.data(), places_.z.data()};
-    const double within = double(places_.pitch_m) * double(places_.pitch_m) / 12;
     for (std::size_t c = 0; c < 3; ++c) {
         double variance = 0;
         for (const Term& term : terms_) {
             const double arm = double(r[c][term.taxel]) - centre_m_[c];
-            variance += arm * arm * term.variance + term.unexplained * within;
+            variance += arm * arm * term.variance + term.within[c];
         }
         array.cop_S_m[c] = float(centre_m_[c]);
         array.cop_sd_m[c] = float(std::sqrt(variance) / sum_N_);
     }
 }
 
-// The direction in which the second moments of the press in x y are largest. Where they differ by no more than their noise
-// the contact is round.
+// The direction in x y along which the second moment of the press is largest.
 void Contact::put_axis(tactiled_array& array) const noexcept {
-    const double within = double(places_.pitch_m) * double(places_.pitch_m) / 12, z2 = -2 * std::log(kFalse);
+    const double z2 = -2 * std::log(kFalse), of_two = sum_N_ * double(places_.pitch_m) * double(places_.pitch_m) / 4;
     double difference = 0, product = 0, variance = 0;
     for (const Term& term : terms_) {
         const double x = double(places_.x[term.taxel]) - centre_m_[0], y = double(places_.y[term.taxel]) - centre_m_[1];
-        difference += term.weight * (x * x - y * y);
-        product += term.weight * 2 * x * y;
+        difference += term.press * (x * x - y * y);
+        product += term.press * 2 * x * y;
         const double r2 = x * x + y * y;
-        variance += r2 * r2 * term.variance / 2 + term.unexplained * within * 4 * r2;
+        variance += r2 * r2 * term.variance / 2 + 4 * (x * x * term.within[0] + y * y * term.within[1]);
     }
     const double squares = difference * difference + product * product;
-    if (!(squares > z2 * variance)) return;
+    if (!(squares > z2 * variance) || !(squares > of_two * of_two)) return;
     array.axis_rad = float(std::atan2(product, difference) / 2);
     array.axis_sd_rad = float(std::sqrt(variance / squares) / 2);
 }

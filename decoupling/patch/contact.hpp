@@ -5,10 +5,19 @@
 // into contact in at most one frame of 100 (tail of the normal distribution, below exp(-z^2 / 2)). Centre and axis are
 // moments of the press over the taxels in contact and those beside them, which carry the rest of it:
 //
-//     c = sum p r / P,    P = sum p,    var c = sum (r - c)^2 (sd^2 + g^2 p^2) / P^2 + sum e^2 pitch^2 / 12 / P^2
+//     c = sum p r / P,    P = sum p,
+//     P^2 var c = sum (r - c)^2 (sd^2 + g^2 p^2) + sum (e^2 / 12 + d^2 / 720) pitch^2
 //
-// with the sd and the gain's sd g of a taxel. e is the part of a press that its neighbours do not predict, and may lie
-// anywhere within the taxel; for a contact smaller than a taxel it is the whole press.
+// with the sd and the gain's sd g of a taxel. e is the part of a press by which it exceeds that of its neighbours along the
+// axis, and may lie anywhere within the taxel; for a contact smaller than a taxel it is the whole press. d is the difference
+// of these neighbours: the boundary of a contact crosses the taxel at an unknown place f = 0 .. 1 and moves the moment by
+// d pitch f (1 - f) / 2, whose variance is d^2 pitch^2 / 720.
+//
+// The axis is reported if the second moments along and across it differ by more than their noise, and by more than
+// pitch^2 / 4, the difference that a contact smaller than a taxel has between two of them.
+//
+// The contact covers the taxels at its boundary by a part that depends on its shape, between 0 and 1 of them all:
+// area = (n - b / 2) taxels, with the sd b / sqrt(12), for n taxels in contact and b of them at the boundary.
 #pragma once
 #include <array>
 #include <cstdint>
@@ -27,14 +36,20 @@ public:
     // Fills the members of `array` that describe the contact. The forces of `out` are predicted. rt: wait-free
     void find(const TaxelForces& forces, const TaxelForces& zero, const std::vector<TaxelOut>& out,
               tactiled_array& array) noexcept;
+    // Variance of the moments of the press about x and y from its unknown places within the taxels, N^2 m^2; 0 without a
+    // contact. rt: wait-free
+    [[nodiscard]] std::array<double, 2> within() const noexcept;
 
 private:
     struct Term {
-        double weight, variance, unexplained;  // p, variance of p, e^2
         std::size_t taxel;
+        double press, variance;        // N, N^2
+        std::array<double, 3> within;  // variance of its moment within the taxel, along x, y and z, N^2 m^2
     };
     [[nodiscard]] float press(const TaxelForces& forces, const TaxelForces& zero, std::size_t i) const noexcept;
-    void find_region(const std::vector<TaxelOut>& out) noexcept;
+    void find_region() noexcept;
+    void add_term(std::size_t i) noexcept;
+    void use_variances(const std::vector<TaxelOut>& out) noexcept;
     void put_centre(tactiled_array& array) const noexcept;
     void put_axis(tactiled_array& array) const noexcept;
 
@@ -44,7 +59,8 @@ private:
     std::vector<float> press_;
     std::vector<std::uint8_t> region_;  // 0 outside, 1 beside the contact, 2 in contact
     std::vector<Term> terms_;           // of the region
-    double sum_N_ = 0, boundary_ = 0;
+    double sum_N_ = 0;
+    unsigned boundary_ = 0;  // taxels in contact beside one that is not
     std::array<double, 3> centre_m_{};
 };
 

@@ -90,9 +90,9 @@ Estimate Patch::decouple(const Reading& reading) noexcept {
     out_.clear();
     if (law_.apply(reading.taxels.value, forces_)) array.n_out = find_out(estimate);
     if (2 * std::size_t(array.n_out) > places_.n) return estimate;
-    put_sums(estimate);
     average();
     contact_.find(forces_, zero_, out_, array);
+    put_sums(estimate);
     for (std::size_t c = 0; c < 2; ++c) estimate.cop_S_m[c] = double(array.cop_S_m[c]);
     return estimate;
 }
@@ -122,11 +122,13 @@ std::uint32_t Patch::find_out(Estimate& estimate) noexcept {
 void Patch::put_sums(Estimate& estimate) noexcept {
     sums_.add(forces_, out_);
     const bool is_known = (estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) == 0;
+    Wrench variance = sums_.variance();
+    for (std::size_t c = 0; c < 2; ++c) variance[3 + c] += contact_.within()[c];
     for (std::size_t c = 0; c < 6; ++c) {
         if (!seen_[c]) continue;
         const double w = sums_.wrench()[c], common = sd_slope_[c] * w;
         estimate.wrench_S[c] = w;
-        if (is_known) estimate.sd[c] = std::sqrt(sums_.variance()[c] + sd_[c] * sd_[c] + common * common);
+        if (is_known) estimate.sd[c] = std::sqrt(variance[c] + sd_[c] * sd_[c] + common * common);
         if (std::abs(w) > full_scale_[c]) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
     }
     for (const std::uint8_t state : forces_.state)
