@@ -7,6 +7,7 @@ namespace tactiled {
 namespace {
 
 constexpr double kFalse = 0.01;  // share of the frames in which noise alone shows a contact, or the axis of a round one
+constexpr std::uint8_t kOutside = 0, kInContact = 1, kBeside = 2;  // of region_
 constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 
 void put_none(tactiled_array& array) noexcept {
@@ -42,16 +43,19 @@ void Contact::find(const TaxelForces& forces, const TaxelForces& zero, const std
     put_none(array);
     terms_.clear();
     if (!(limit_N_ > 0)) return;  // the noise is unknown
-    if (places_.is_flat())
-        for (std::size_t i = 0; i < n; ++i) press_[i] = zero.component[2][i] - forces.component[2][i];
-    else
-        for (std::size_t i = 0; i < n; ++i) press_[i] = press(forces, zero, i);
-    unsigned n_contact = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-        region_[i] = press_[i] > limit_N_ ? 2 : 0;
-        n_contact += region_[i];
+    float* const p = press_.data();
+    if (places_.is_flat()) {
+        const float *const f = forces.component[2].data(), *const rest = zero.component[2].data();
+        for (std::size_t i = 0; i < n; ++i) p[i] = rest[i] - f[i];
+    } else {
+        for (std::size_t i = 0; i < n; ++i) p[i] = press(forces, zero, i);
     }
-    array.n_contact = n_contact / 2;
+    std::uint8_t* const region = region_.data();
+    const float limit_N = limit_N_;
+    unsigned n_contact = 0;
+    for (std::size_t i = 0; i < n; ++i) region[i] = p[i] > limit_N;
+    for (std::size_t i = 0; i < n; ++i) n_contact += region[i];
+    array.n_contact = n_contact;
     if (n_contact == 0) return;
     const auto peak = std::size_t(std::max_element(press_.begin(), press_.end()) - press_.begin());
     array.peak_taxel = std::uint32_t(peak);
@@ -68,20 +72,20 @@ void Contact::find(const TaxelForces& forces, const TaxelForces& zero, const std
 void Contact::find_region() noexcept {
     boundary_ = 0;
     for (std::size_t i = 0; i < places_.n; ++i) {
-        if (region_[i] != 2) continue;
+        if (region_[i] != kInContact) continue;
         const TaxelPlaces::Neighbours& beside = places_.neighbours[i];
         bool is_edge = beside.n < TaxelPlaces::kNeighbours;
         for (std::size_t k = 0; k < beside.n; ++k) {
             std::uint8_t& other = region_[beside.of[k]];
-            is_edge = is_edge || other != 2;
-            other = std::max<std::uint8_t>(other, 1);
+            is_edge = is_edge || other != kInContact;
+            if (other == kOutside) other = kBeside;
         }
         boundary_ += is_edge ? 1 : 0;
     }
     sum_N_ = 0;
     centre_m_ = {};
     for (std::size_t i = 0; i < places_.n; ++i)
-        if (region_[i] != 0) add_term(i);
+        if (region_[i] != kOutside) add_term(i);
     for (double& c : centre_m_) c /= sum_N_;
 }
 

@@ -57,7 +57,7 @@ private:
     TaxelNoise noise_;
     float limit_N_;
     std::vector<float> press_;
-    std::vector<std::uint8_t> region_;  // 0 outside, 1 beside the contact, 2 in contact
+    std::vector<std::uint8_t> region_;  // of each taxel: outside of the contact, in it, or beside it
     std::vector<Term> terms_;           // of the region
     double sum_N_ = 0;
     unsigned boundary_ = 0;  // taxels in contact beside one that is not

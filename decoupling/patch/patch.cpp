@@ -131,8 +131,9 @@ void Patch::put_sums(Estimate& estimate) noexcept {
         if (is_known) estimate.sd[c] = std::sqrt(variance[c] + sd_[c] * sd_[c] + common * common);
         if (std::abs(w) > full_scale_[c]) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
     }
-    for (const std::uint8_t state : forces_.state)
-        if ((state & TACTILED_TAXEL_OUTSIDE) != 0) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+    std::uint8_t states = 0;
+    for (const std::uint8_t state : forces_.state) states |= state;
+    if ((states & TACTILED_TAXEL_OUTSIDE) != 0) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
     estimate.has_value = true;
 }
 
@@ -177,7 +178,10 @@ const void* Patch::record(const tactiled_sample& sample) noexcept {
     for (std::size_t c = 0; c < 3; ++c) {
         if (forces_.component[c].empty()) continue;
         const float *const f = forces_.component[c].data(), *const zero = zero_.component[c].data();
-        for (std::size_t i = 0; i < n; ++i) force[i * n_components + k] = f[i] - zero[i];
+        if (n_components == 1)
+            for (std::size_t i = 0; i < n; ++i) force[i] = f[i] - zero[i];
+        else
+            for (std::size_t i = 0; i < n; ++i) force[3 * i + k] = f[i] - zero[i];
         ++k;
     }
     std::copy_n(forces_.state.data(), n, state);

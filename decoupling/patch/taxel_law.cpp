@@ -31,6 +31,26 @@ std::string fault_of_sizes(const CalibrationData& data, std::size_t n) {
     return "";
 }
 
+// Returns a number that is not finite if a force is not finite: several sums side by side. rt: wait-free
+float zero_or_nan(const float* force, std::size_t n) noexcept {
+    constexpr std::size_t kLanes = 16;
+    float lane[kLanes]{};
+    std::size_t i = 0;
+    for (; i + kLanes <= n; i += kLanes)
+        for (std::size_t k = 0; k < kLanes; ++k) lane[k] += 0 * force[i + k];
+    for (std::size_t k = 0; i < n; ++i, ++k) lane[k] += 0 * force[i];
+    float sum = 0;
+    for (const float part : lane) sum += part;
+    return sum;
+}
+
+// rt: wait-free
+float largest_magnitude(const float* force, std::size_t n) noexcept {
+    float largest = 0;
+    for (std::size_t i = 0; i < n; ++i) largest = std::abs(force[i]) > largest ? std::abs(force[i]) : largest;
+    return largest;
+}
+
 constexpr std::uint8_t kNoForce =
     TACTILED_TAXEL_MISSING | TACTILED_TAXEL_SATURATED | TACTILED_TAXEL_DEAD | TACTILED_TAXEL_FROZEN;
 
@@ -81,8 +101,9 @@ bool TaxelLaw::apply(std::span<const float> raw, TaxelForces& out) noexcept {
         float* const f = force[first + c].data();
         std::fill_n(f, n, 0.f);
         for (std::size_t v = 0; v < shape_.values; ++v) add(matrix_[c][v], &raw[v * n], &zero_[v * n], n, f);
-        for (std::size_t i = 0; i < n; ++i) f[i] *= gain_[i];
-        for (std::size_t i = 0; i < n; ++i) sum += 0 * f[i];
+        const float* const gain = gain_.data();
+        for (std::size_t i = 0; i < n; ++i) f[i] *= gain[i];
+        sum += zero_or_nan(f, n);
     }
     std::copy_n(dead_.data(), n, out.state.data());
     bool any_out = has_dead_;
@@ -100,7 +121,8 @@ bool TaxelLaw::apply(std::span<const float> raw, TaxelForces& out) noexcept {
             any_out = true;
         }
     }
-    for (std::size_t i = 0; i < n; ++i) 
+    const bool any_outside = !(largest_magnitude(force[2].data(), n) <= full_scale_N_);
+    for (std::size_t i = 0; any_outside && i < n; ++i)
         out.state[i] |= std::uint8_t(std::abs(force[2][i]) > full_scale_N_ ? TACTILED_TAXEL_OUTSIDE : 0);
     if (!places_.is_flat()) turn(out);
     for (std::size_t i = 0; any_out && i < n; ++i)
