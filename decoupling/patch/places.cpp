@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
+#include <utility>
 
 #include "drivers/taxels.hpp"
 
@@ -122,7 +122,7 @@ TaxelPlaces places_of(const CalibrationData& data, std::string& fault) {
     places.columns = std::uint32_t(data["columns"]);
     places.n = list != nullptr ? list->size() : std::size_t(places.rows) * places.columns;
     if (places.n > kMaxTaxels) {
-        fault = fmt::format("{} taxels; an array has at most {}", places.n, kMaxTaxels);
+        fault = fmt::format("{} taxels; an array has at most {}", std::exchange(places.n, 0), kMaxTaxels);
         return places;
     }
     places.taxel_area_m2 =

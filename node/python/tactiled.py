@@ -39,8 +39,14 @@ import sys
 import time
 import warnings
 
-MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 8
+try:
+    import numpy
+except ImportError:  # arrays are then memoryviews
+    numpy = None
+
+MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 9
 MAX_SENSORS = MAX_LINKS = 16
+MAX_TAXELS = 4096
 NAME_SIZE = 32  # including the terminating zero
 
 NO_VALUE, GOOD, UNCERTAIN, BAD = range(4)  # Sample.quality
@@ -58,6 +64,8 @@ FRESHNESS = ("unknown", "request", "cable", "clock", "sequence", "arrival")  # w
 AGE_UNBOUNDED = 0xFFFFFFFF  # Info.age_bound_us: that or more, or not known
 
 CONTACT, OVERLOAD, LOW_PASS, STEPPED_DOWN, OVER_BUDGET = 1, 2, 4, 8, 16  # Sample.state
+
+TAXEL_MISSING, TAXEL_SATURATED, TAXEL_DEAD, TAXEL_FROZEN, TAXEL_OUTSIDE = 1, 2, 4, 8, 16  # Array.state
 
 READY, ANY_CONTACT = 1 << 0, 1 << 1  # NodeRecord.status
 ANY_TARING, SIMULATED, ANY_STALE, ANY_UNCALIBRATED = 1 << 8, 1 << 9, 1 << 10, 1 << 11
@@ -121,12 +129,15 @@ _HEADER = _Struct(
 _SENSOR = _Struct(
     "name:32s model:32s method:32s serial:32s link:32s ring:5I stale_ms:I n_channels:I components:I full_scale:6f "
     "budget_us:f first_method:I methods:128s method_us:8f method_error:8f count:32I freshness:I "
-    "age_bound_us:I")
-_SENSOR_SIZE_1_0 = 216
+    "age_bound_us:I arrays:5I n_taxels:I taxel_components:I taxel_rows:I taxel_columns:I taxel_place_offset:I")
+_SENSOR_SIZE_1_0, _SENSOR_SIZE_1_8 = 216, 552
 _SAMPLE = _Struct(
     "sequence:Q t_ns:Q t_published_ns:Q epoch:I quality:I reasons:I device_sequence:I missing:I saturated:I "
     "tare_count:I lost:I force_S_N:3d torque_S_Nm:3d sd_force_N:3d sd_torque_Nm:3d raw_force_S_N:3d raw_torque_S_Nm:3d "
     "cop_S_m:2d residual:d rate_Hz:f temperature_C:f state:I peak_N:f")
+_ARRAY = _Struct(
+    f"sample:{_SAMPLE.size}s n_out:I n_contact:I peak_taxel:I peak_N:f peak_sd_N:f cop_S_m:3f cop_sd_m:3f area_m2:f area_sd_m2:f "
+    "axis_rad:f axis_sd_rad:f -:4x")
 _GRASP = _Struct(
     "t_ns:Q t_lift_off_ns:Q state:I weight_state:I grasps:I slips:I slip_mask:I slip_latch:I object_id:I scale_shown:I "
     "weight_kg:d weight_sd_kg:d grip_N:f recommended_grip_N:f friction:f friction_sd:f object_probability:f "
@@ -163,6 +174,29 @@ class Sample(collections.namedtuple("Sample", _SAMPLE.names)):
     def age_ms(self):
         """The time since the frame's last byte was read from the kernel."""
         return (time.monotonic_ns() - self.t_ns) / 1e6
+
+
+class Array(collections.namedtuple("Array", [*_ARRAY.names, "force_S_N", "state"])):
+    """The array of a sensor with taxels: the fields of struct tactiled_array; force_S_N, taxels by components, N; and the state
+    of each taxel, 0 or bits TAXEL_... of why it has no force. The last two are numpy arrays where numpy is installed, else
+    memoryviews. The sample has the verdict: where it is BAD all numbers are NaN."""
+    __slots__ = ()
+
+
+def _array(record, sample, n_taxels, n_components):
+    """The Array of a record whose sample was judged."""
+    head = _ARRAY.values(record)
+    forces, states = _ARRAY.size, _ARRAY.size + 4 * n_taxels * n_components
+    if sample.quality == BAD:
+        record = record[:forces] + struct.pack("=f", math.nan) * (n_taxels * n_components) + record[states:]
+        head = (*head[:2], 0, 0, *(_NAN3 if isinstance(value, tuple) else math.nan for value in head[4:]))
+    view = memoryview(record)
+    force, state = view[forces:states], view[states:states + n_taxels]
+    if numpy is not None:
+        force, state = numpy.frombuffer(force, numpy.float32).reshape(n_taxels, n_components), numpy.frombuffer(state, numpy.uint8)
+    else:
+        force = force.cast("f", (n_taxels, n_components))
+    return Array(sample, *head[1:], force, state)
 
 
 _NOTHING = Sample._make(_SAMPLE.values(bytes(_SAMPLE.size)))
@@ -213,7 +247,7 @@ class _Ring:
 
     def __init__(self, segment, numbers, size):
         self.offset, self.slot_size, self.slots, self.record_size, self.head_offset = numbers
-        self._size, self._known = size, min(size, self.record_size)
+        self.size, self._known = size, min(size, self.record_size)
         self._read, self._word = segment.read, segment.word
 
     def fits(self, size):
@@ -237,7 +271,7 @@ class _Ring:
         data = self._read(slot, _RECORD_OFFSET + self._known)
         if data[:4] != whole or self._read(slot, 4) != whole:
             return None
-        return data[_RECORD_OFFSET:] if self._known == self._size else data[_RECORD_OFFSET:].ljust(self._size, b"\0")
+        return data[_RECORD_OFFSET:] if self._known == self.size else data[_RECORD_OFFSET:].ljust(self.size, b"\0")
 
     def latest(self):
         for _ in range(_TRIES):
@@ -400,12 +434,19 @@ class _Segment:
         if not self.node.fits(size):
             raise self._error("the node ring lies outside")
         self.sensors = {}  # name -> (SensorInfo, _Ring), in the daemon's order
+        self.arrays = {}  # name -> _Ring, for the sensors with taxels
         for i in range(h.n_sensors):
             info = self._entry(i)
             ring = _Ring(self, info.ring, _SAMPLE.size)
             if not ring.fits(size):
                 raise self._error("a sensor's ring lies outside")
             self.sensors[info.name] = info, ring
+            if not info.arrays[2]:
+                continue
+            arrays = _Ring(self, info.arrays, _ARRAY.size + info.n_taxels * (4 * bin(info.taxel_components).count("1") + 1))
+            if not 0 < info.n_taxels <= MAX_TAXELS or not arrays.fits(size) or info.taxel_place_offset + 24 * info.n_taxels > size:
+                raise self._error("a sensor's array lies outside")
+            self.arrays[info.name] = arrays
 
     def _entry(self, i):
         h = self.header
@@ -413,7 +454,7 @@ class _Segment:
         entry = self.read(at, min(h.sensor_size, _SENSOR.size)).ljust(_SENSOR.size, b"\0")  # the entry of an older
                                                                                             # daemon is shorter
         info = SensorInfo._make(_SENSOR.texts(entry, 0))
-        return info if h.sensor_size >= _SENSOR.size else info._replace(age_bound_us=AGE_UNBOUNDED)
+        return info if h.sensor_size >= _SENSOR_SIZE_1_8 else info._replace(age_bound_us=AGE_UNBOUNDED)
 
     def info(self, sensor):
         """Returns the directory's entry as it is now: the daemon may have reloaded its configuration."""
@@ -554,10 +595,32 @@ class Node(_Attached):
             self._require(sensor)
             return _invalidated(_NOTHING, DAEMON_STOPPED)  # the successor does not have it
         info, ring = segment.sensors[sensor]
+        return self._newest(segment, info, ring)[1]
+
+    def array(self, sensor):
+        """Returns the newest Array of a sensor with taxels; its sample is BAD with a reason if there is no valid one. Never
+        blocks."""
+        segment = self._now()
+        self._require(sensor)
+        if sensor not in segment.arrays:
+            raise Error(f'node "{self.name}": the sensor "{sensor}" has no taxels')
+        info, ring = segment.sensors[sensor][0], segment.arrays[sensor]
+        record, sample = self._newest(segment, info, ring)
+        n_components = bin(info.taxel_components).count("1")
+        return _array(record or bytes(ring.size), sample, info.n_taxels, n_components)
+
+    def places(self, sensor):
+        """Returns place, m, and normal of each taxel in frame S: a list of tuples of six numbers."""
+        info = self.info(sensor)
+        data = self._segment.read(info.taxel_place_offset, 24 * info.n_taxels)
+        return list(struct.iter_unpack("=6f", data))
+
+    def _newest(self, segment, info, ring):
+        """Returns the newest record, None if there is none, and the sample that it begins with, judged."""
         for _ in range(2):  # twice for the reason in is_beating()
             record = ring.latest()
             if record is None:
-                return _invalidated(_NOTHING, READER_OVERRUN if ring.head() else NO_DATA_YET)
+                return None, _invalidated(_NOTHING, READER_OVERRUN if ring.head() else NO_DATA_YET)
             now_ns = time.monotonic_ns()
             sample = _judged(Sample._make(_SAMPLE.values(record)), info.stale_ms, now_ns)
             if not sample.reasons & STALE:
@@ -565,7 +628,7 @@ class Node(_Attached):
         if not (segment.is_current() and segment.is_alive(sample.t_published_ns, now_ns)):
             sample = _invalidated(sample, DAEMON_STOPPED)
         self._stale = sample.reasons & (STALE | DAEMON_STOPPED) != 0
-        return sample
+        return record, sample
 
     def snapshot(self):
         """Returns (node record, {name: sample}) of one instant; the record's `grasp` is a Grasp, its `tool` a Tool. Raises Error if

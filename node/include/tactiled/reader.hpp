@@ -14,6 +14,10 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
+#if __cplusplus >= 202002L
+#include <span>
+#endif
 
 #include "reader.h"
 
@@ -43,6 +47,43 @@ inline double lateness_quantile_ns(const Lateness& counts, double q) noexcept {
     }
     return std::numeric_limits<double>::quiet_NaN();
 }
+
+// The array of a sensor with taxels: a copy of a record, judged as its sample.
+class Array {
+public:
+    // The sample that the array belongs to, whose verdict is that of the array, and what the array yields; NO_VALUE before
+    // the first read.
+    const tactiled_array& head() const noexcept {
+        static const tactiled_array none{};
+        return words_.empty() ? none : *reinterpret_cast<const tactiled_array*>(words_.data());
+    }
+    std::uint32_t n_taxels() const noexcept { return plan_.n_taxels; }
+    std::uint32_t components() const noexcept { return plan_.components; }  // bits 0..2: fx fy fz are measured
+    std::uint32_t n_components() const noexcept { return plan_.n_components; }
+    // The measured components of the force on taxel i, N, frame S; NaN without one. Component c of taxel i is also
+    // forces()[i * n_components() + c].
+    const float* force_S_N(std::uint32_t i) const noexcept { return forces() + std::size_t(i) * plan_.n_components; }
+    const float* forces() const noexcept { return tactiled_taxel_forces(&head()); }
+    const std::uint8_t* states() const noexcept { return tactiled_taxel_states(&head(), &plan_); }
+#if __cplusplus >= 202002L
+    std::span<const float> force_span() const noexcept {
+        return {forces(), words_.empty() ? 0 : std::size_t(plan_.n_taxels) * plan_.n_components};
+    }
+    std::span<const std::uint8_t> state_span() const noexcept { return {states(), words_.empty() ? 0 : plan_.n_taxels}; }
+#endif
+
+private:
+    friend class SegmentView;
+    // Allocates when the shape changes, else never.
+    tactiled_array* prepare(const tactiled_array_plan& plan) {
+        plan_ = plan;
+        words_.resize(tactiled_array_size(plan.n_taxels, plan.components) / sizeof(std::uint64_t));
+        return reinterpret_cast<tactiled_array*>(words_.data());
+    }
+
+    tactiled_array_plan plan_{};
+    std::vector<std::uint64_t> words_;
+};
 
 // Read access to a mapped segment.
 class SegmentView {
@@ -81,6 +122,16 @@ public:
     // sample if there is none.
     bool latest(std::uint32_t index, tactiled_sample& sample, std::uint64_t now_ns = 0) const noexcept {
         return tactiled_latest(c_, index, &sample, now_ns) != 0;
+    }
+    // True if the sensor has taxels.
+    bool has_array(std::uint32_t index) const noexcept { return c_->array[index].ring.slots != 0; }
+    // Copies the newest array of a sensor, judged as latest(). Returns false and a BAD array if there is none.
+    bool latest(std::uint32_t index, Array& array, std::uint64_t now_ns = 0) const {
+        return tactiled_latest_array(c_, index, array.prepare(c_->array[index]), now_ns) != 0;
+    }
+    // Copies the array of a sample that was read from this segment, unjudged. Returns false if it is no longer kept.
+    bool array_of(std::uint32_t index, const tactiled_sample& sample, Array& array) const {
+        return tactiled_array_of_sample(c_, index, sample.sequence, array.prepare(c_->array[index])) != 0;
     }
     // Copies the newest node record; its grasp and its tool are judged likewise. Returns false if there is none.
     bool latest_node(tactiled_node& node, std::uint64_t now_ns = 0) const noexcept {
@@ -182,6 +233,14 @@ public:
         tactiled_sample sample;
         tactiled_reader_latest(&c_, &sample);
         return sample;
+    }
+    // Copies the newest array of the sensor, which is BAD with a reason if there is no valid one. Returns false if the sensor
+    // has no taxels, or there is no daemon. Never blocks.
+    bool latest(Array& array) {
+        (void)latest();  // attaches to a successor
+        if (!is_attached() || !segment().has_array(std::uint32_t(c_.index))) return false;
+        segment().latest(std::uint32_t(c_.index), array);
+        return true;
     }
     // Gives the sample after the last one that next() gave, or returns false if there is none yet. The first
     // call gives the newest sample. When the daemon ends or dies, next() gives the samples that are left in

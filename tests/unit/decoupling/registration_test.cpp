@@ -94,7 +94,7 @@ TEST(Registration, AMethodInOneFileRunsBesideThoseOfItsModel) {
 TEST(Registration, EveryMethodIsTheOneOfItsName) {
     EXPECT_EQ(fault_of_methods(), "");
     EXPECT_EQ(fault_of_fits(), "");
-    EXPECT_EQ(model_names(), (Names{"capacitive", "generic", "hair", "load_cell", "piezo", "table"}));
+    EXPECT_EQ(model_names(), (Names{"capacitive", "generic", "hair", "load_cell", "patch", "piezo", "table"}));
     EXPECT_EQ(method_names("table"), (Names{"linear", "signs", "matrix", "map", "nonlinear"}));
     EXPECT_EQ(method_names("hair"), (Names{"sum_diff", "matrix", "physics"}));
     EXPECT_EQ(method_names("capacitive"), (Names{"quadratic", "ratio", "overlap"}));
@@ -114,7 +114,7 @@ TEST(Registration, AMisspeltModelIsRefusedWithTheKnownNames) {
     EXPECT_EQ(make_decoupler(calibration, "", 0, fault), nullptr);
     EXPECT_EQ(fault.key, "model");
     expect_says(fault.text,
-                {"\"genric\"", "known: \"capacitive\", \"generic\", \"hair\", \"load_cell\", \"piezo\", \"table\"",
+                {"\"genric\"", "known: \"capacitive\", \"generic\", \"hair\", \"load_cell\", \"patch\", \"piezo\", \"table\"",
                  "did you mean \"generic\"?"});
     FitRequest request = load_cell();
     request.model = "load_sell";

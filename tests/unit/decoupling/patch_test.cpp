@@ -1,0 +1,311 @@
+#include "decoupling/patch/patch.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tactiled/reader.h"
+#include "tests/bench/pressed_array.hpp"
+
+namespace tactiled {
+namespace {
+
+using pressed::Body;
+using pressed::Kind;
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN(), kInfinite = std::numeric_limits<float>::infinity();
+
+// A 6 x 5 array of three axes without noise, and its frames.
+class PatchTest : public testing::Test {
+protected:
+    PatchTest() {
+        array_.rows = 6;
+        array_.columns = 5;
+        array_.values = 3;
+        raw_.assign(90, 0);
+        make();
+    }
+    void make() { patch_ = make_decoupler(calibration_); }
+    Calibration with(const char* table, std::vector<std::vector<double>> rows) {
+        Calibration c = calibration_;
+        c.tables[table] = std::move(rows);
+        return c;
+    }
+    Estimate decouple() {
+        Reading reading;
+        reading.taxels = {{30, 3}, raw_};
+        return patch_->decouple(reading);
+    }
+    const tactiled_array& record(std::uint32_t quality = TACTILED_GOOD, std::uint32_t tares = 0) {
+        tactiled_sample sample{};
+        sample.quality = quality;
+        sample.tare_count = tares;
+        return *static_cast<const tactiled_array*>(patch_->patch()->record(sample));
+    }
+    float force(std::size_t taxel, std::size_t component) { return tactiled_taxel_forces(&record())[taxel * 3 + component]; }
+    unsigned state(std::size_t taxel) {
+        tactiled_array_plan plan{};
+        plan.n_taxels = 30, plan.n_components = 3;
+        return tactiled_taxel_states(&record(), &plan)[taxel];
+    }
+    void press_at(std::size_t taxel, float counts) { raw_[60 + taxel] += counts; }
+    void press_all(float counts) {
+        for (std::size_t i = 0; i < 30; ++i) press_at(i, counts);
+    }
+    std::string fault_of(const Calibration& calibration) {
+        DecouplerFault fault;
+        EXPECT_EQ(make_decoupler(calibration, "", 0, fault), nullptr);
+        return fault.text;
+    }
+
+    pressed::Array array_;
+    Calibration calibration_ = pressed::calibration_of([] {
+        pressed::Array a;
+        a.rows = 6, a.columns = 5, a.values = 3;
+        return a;
+    }());
+    std::vector<float> raw_;
+    std::unique_ptr<Decoupler> patch_;
+};
+
+TEST_F(PatchTest, SumsForcesAndTheirMoments) {
+    press_at(0, 2000);  // upper left: x = -4 mm, y = 5 mm
+    raw_[29] = 500;     // lower right: 0.5 N along x at x = 4 mm, y = -5 mm
+    const Estimate e = decouple();
+    EXPECT_EQ(e.quality(), TACTILED_GOOD);
+    EXPECT_NEAR(e.wrench_S[0], 0.5, 1e-6);
+    EXPECT_NEAR(e.wrench_S[1], 0, 1e-6);
+    EXPECT_NEAR(e.wrench_S[2], -2, 1e-6);
+    EXPECT_NEAR(e.wrench_S[3], 5e-3 * -2, 1e-8);   // y fz
+    EXPECT_NEAR(e.wrench_S[4], 4e-3 * -2, 1e-8);   // -x fz, x = -4 mm
+    EXPECT_NEAR(e.wrench_S[5], 5e-3 * 0.5, 1e-8);  // -y fx
+    EXPECT_NEAR(force(0, 2), -2, 1e-6);
+    EXPECT_NEAR(force(29, 0), 0.5, 1e-6);
+}
+
+// The sd of the sum without a load is that of all taxels; under a load the gains' is added.
+TEST_F(PatchTest, StatesTheSdOfTheSum) {
+    EXPECT_NEAR(decouple().sd[2], std::sqrt(30.) * 0.005, 1e-9);
+    press_all(1000);
+    EXPECT_NEAR(decouple().sd[2], std::sqrt(30 * (0.005 * 0.005 + 0.02 * 0.02)), 1e-7);
+    calibration_.sd_slope = {0, 0, 0.1, 0, 0, 0};
+    make();
+    EXPECT_NEAR(decouple().sd[2], std::sqrt(30 * (0.005 * 0.005 + 0.02 * 0.02) + 3 * 3), 1e-6);
+}
+
+TEST_F(PatchTest, ATaxelWithoutAValueHasTheMeanOfItsNeighboursInTheSum) {
+    press_all(1000);
+    raw_[60 + 12] = kNan;
+    const Estimate e = decouple();
+    EXPECT_EQ(e.quality(), TACTILED_GOOD);
+    EXPECT_NEAR(e.wrench_S[2], -30, 1e-4);
+    EXPECT_TRUE(std::isnan(force(12, 2)));
+    EXPECT_EQ(state(12), unsigned(TACTILED_TAXEL_MISSING));
+    EXPECT_EQ(record().n_out, 1u);
+}
+
+// The neighbours' own predictions say how far to trust that mean.
+TEST_F(PatchTest, TheSdContainsWhatTheNeighboursDoNotPredict) {
+    press_all(1000);
+    const double even = decouple().sd[2];
+    raw_[60 + 12] = kNan;
+    EXPECT_NEAR(decouple().sd[2], even, 1e-3);
+    for (const std::size_t beside : {7u, 17u, 11u, 13u}) raw_[60 + beside] = 3000;
+    EXPECT_GT(decouple().sd[2], 1);
+}
+
+TEST_F(PatchTest, IsUncertainWhereATaxelHasNoNeighbours) {
+    for (const std::size_t i : {12u, 7u, 17u, 11u}) raw_[60 + i] = kNan;
+    const Estimate e = decouple();
+    EXPECT_EQ(e.quality(), TACTILED_UNCERTAIN);
+    EXPECT_NE(e.reasons & TACTILED_MISSING_CHANNEL, 0u);
+    EXPECT_TRUE(std::isnan(e.sd[2]));
+}
+
+TEST_F(PatchTest, HasNoValueIfMoreThanHalfIsOut) {
+    for (std::size_t i = 0; i < 15; ++i) raw_[60 + 2 * i] = kNan;
+    EXPECT_TRUE(decouple().has_value);
+    raw_[61] = kNan;
+    const Estimate e = decouple();
+    EXPECT_FALSE(e.has_value);
+    EXPECT_EQ(e.quality(), TACTILED_BAD);
+    EXPECT_TRUE(std::isnan(force(2, 2)) || record(TACTILED_BAD).sample.quality == TACTILED_BAD);
+}
+
+TEST_F(PatchTest, ASaturatedTaxelHasNoSd) {
+    press_all(1000);
+    raw_[60 + 12] = kInfinite;
+    const Estimate e = decouple();
+    EXPECT_EQ(e.quality(), TACTILED_UNCERTAIN);
+    EXPECT_NE(e.reasons & TACTILED_SATURATED, 0u);
+    EXPECT_TRUE(std::isnan(e.sd[2]));
+    EXPECT_NE(state(12) & TACTILED_TAXEL_SATURATED, 0u);
+}
+
+TEST_F(PatchTest, ATaxelThatRepeatsItsValuesIsFrozenWhereTheCalibrationSaysSo) {
+    calibration_.parameters["frozen_after"] = 5;
+    make();
+    for (int k = 0; k < 20; ++k) {
+        for (float& value : raw_) value += 1;
+        raw_[12] = raw_[42] = raw_[72] = 7;
+        (void)decouple();
+        EXPECT_EQ(state(12), k < 5 ? 0u : unsigned(TACTILED_TAXEL_FROZEN)) << k;
+        EXPECT_EQ(state(13), 0u);
+    }
+    raw_[72] = 8;
+    (void)decouple();
+    EXPECT_EQ(state(12), 0u);
+}
+
+TEST_F(PatchTest, UsesTheZeroAndTheGainOfEachTaxel) {
+    std::vector<double> zero(30, 10), gain(30, 2);
+    calibration_.tables["zero"] = {zero, zero, std::vector<double>(30, 100)};
+    calibration_.tables["gain"] = {gain};
+    make();
+    patch_->patch()->set_counts_per_unit(1);
+    for (std::size_t i = 0; i < 60; ++i) raw_[i] = 10;
+    press_all(100);
+    EXPECT_NEAR(decouple().wrench_S[2], 0, 1e-6);
+    press_at(3, 1000);
+    EXPECT_NEAR(decouple().wrench_S[2], -2, 1e-5);
+}
+
+TEST_F(PatchTest, ADeadTaxelNeverHasAForce) {
+    patch_ = make_decoupler(with("dead", {{12, 14}}));
+    press_all(1000);
+    EXPECT_NEAR(decouple().wrench_S[2], -30, 1e-4);
+    EXPECT_TRUE(std::isnan(force(12, 2)) && std::isnan(force(14, 2)));
+    EXPECT_EQ(state(14), unsigned(TACTILED_TAXEL_DEAD));
+}
+
+TEST_F(PatchTest, IsOutsideWhereATaxelIsBeyondItsRange) {
+    calibration_.parameters["taxel_full_scale_N"] = 1;
+    make();
+    press_at(12, 1040);
+    EXPECT_EQ(decouple().quality(), TACTILED_GOOD);
+    press_at(12, 20);
+    EXPECT_EQ(decouple().reasons, std::uint32_t(TACTILED_OUTSIDE_DOMAIN));
+    EXPECT_EQ(state(12), unsigned(TACTILED_TAXEL_OUTSIDE));
+}
+
+TEST_F(PatchTest, AnotherShapeIsAnotherDevice) {
+    Reading reading;
+    reading.taxels = {{29, 3}, std::span(raw_).first(87)};
+    EXPECT_EQ(patch_->decouple(reading).reasons, std::uint32_t(TACTILED_WRONG_DEVICE));
+    EXPECT_EQ(patch_->decouple(Reading{}).reasons, std::uint32_t(TACTILED_WRONG_DEVICE));
+}
+
+// The tare of the wrench is the sensor's; the forces of the taxels and the contact have their own.
+TEST_F(PatchTest, ATareIsTheMeanOfEachTaxelsForce) {
+    Patch& patch = *patch_->patch();
+    patch.begin_tare();
+    press_at(12, 100);
+    (void)decouple();
+    press_at(12, 200);
+    (void)decouple();
+    patch.end_tare(true);
+    EXPECT_NEAR(force(12, 2), -0.1, 1e-6);  // 0.3 N less the mean, 0.2 N
+    EXPECT_EQ(record(TACTILED_GOOD, 1).sample.quality, unsigned(TACTILED_GOOD));
+    EXPECT_NEAR(decouple().wrench_S[2], -0.3, 1e-6);
+    patch.begin_tare();
+    press_at(12, 1000);
+    (void)decouple();
+    patch.end_tare(false);
+    EXPECT_NEAR(force(12, 2), -1.1, 1e-6);
+    patch.untare();
+    (void)decouple();
+    EXPECT_NEAR(force(12, 2), -1.3, 1e-6);
+}
+
+// A tare of an earlier run is the wrench's alone.
+TEST_F(PatchTest, TheZeroOfATaxelIsUnknownAfterARestoredTare) {
+    (void)decouple();
+    EXPECT_EQ(record(TACTILED_GOOD, 1).sample.quality, unsigned(TACTILED_UNCERTAIN));
+    EXPECT_EQ(record(TACTILED_GOOD, 1).sample.reasons, unsigned(TACTILED_ZERO_UNKNOWN));
+}
+
+TEST_F(PatchTest, ABadSampleHasNoForces) {
+    press_all(1000);
+    (void)decouple();
+    const tactiled_array& bad = record(TACTILED_BAD);
+    for (std::size_t k = 0; k < 90; ++k) EXPECT_TRUE(std::isnan(tactiled_taxel_forces(&bad)[k])) << k;
+    EXPECT_TRUE(std::isnan(bad.cop_S_m[0]) && std::isnan(bad.area_m2));
+}
+
+TEST_F(PatchTest, FindsCentreAreaAndPeak) {
+    std::vector<double> gain(30, 1);
+    pressed::press(array_, Body{Kind::ball, 1.2e-3, -0.7e-3, 4, 3e-3, 3e-3, 0}, gain, raw_);
+    const Estimate e = decouple();
+    const tactiled_array& seen = record();
+    EXPECT_NEAR(double(seen.cop_S_m[0]), 1.2e-3, 3 * double(seen.cop_sd_m[0]));
+    EXPECT_NEAR(double(seen.cop_S_m[1]), -0.7e-3, 3 * double(seen.cop_sd_m[1]));
+    EXPECT_LT(seen.cop_sd_m[0], 2e-4f);
+    EXPECT_EQ(e.cop_S_m[0], double(seen.cop_S_m[0]));
+    EXPECT_NEAR(double(seen.area_m2), 28.3e-6, 2 * double(seen.area_sd_m2));
+    EXPECT_EQ(seen.peak_taxel, 18u);  // x = 2 mm, y = -1 mm
+    EXPECT_TRUE(std::isnan(seen.axis_rad));
+}
+
+TEST_F(PatchTest, FindsTheDirectionOfALongContact) {
+    std::vector<double> gain(30, 1);
+    pressed::press(array_, Body{Kind::edge, 0, 0, 4, 4.5e-3, 0.8e-3, 0.7}, gain, raw_);
+    (void)decouple();
+    EXPECT_NEAR(double(record().axis_rad), 0.7, 3 * double(record().axis_sd_rad));
+    EXPECT_LT(record().axis_sd_rad, 0.15f);
+}
+
+TEST_F(PatchTest, HasNoPlaceWithoutAContact) {
+    (void)decouple();
+    EXPECT_TRUE(std::isnan(record().cop_S_m[0]) && std::isnan(record().peak_N));
+    EXPECT_EQ(record().n_contact, 0u);
+}
+
+// Taxels on a cylinder around y: a press along the normal of one is a force in its direction.
+TEST_F(PatchTest, TurnsForcesOnACurvedSkin) {
+    Calibration c = calibration_;
+    c.parameters = {{"gain_sd", 0}};
+    c.tables["place_mm"] = {{0, 0, 5}, {5, 0, 0}, {0, 3, 5}};
+    c.tables["normal"] = {{0, 0, 2}, {3, 0, 0}, {0, 0, 1}};
+    patch_ = make_decoupler(c);
+    std::vector<float> raw(9, 0);
+    raw[6 + 1] = 1000;  // 1 N on the side
+    Reading reading;
+    reading.taxels = {{3, 3}, raw};
+    const Estimate e = patch_->decouple(reading);
+    EXPECT_NEAR(e.wrench_S[0], -1, 1e-6);
+    EXPECT_NEAR(e.wrench_S[2], 0, 1e-6);
+    EXPECT_NEAR(e.wrench_S[4], 0, 1e-8);
+}
+
+TEST_F(PatchTest, TaxelsAreInTheOrderOfTheirWiring) {
+    std::vector<double> wiring(30);
+    for (std::size_t i = 0; i < 30; ++i) wiring[i] = double(29 - i);
+    patch_ = make_decoupler(with("wiring", {wiring}));
+    press_at(0, 1000);  // is at the lower right: x = 4 mm, y = -5 mm
+    const Estimate e = decouple();
+    EXPECT_NEAR(e.wrench_S[3], -5e-3 * -1, 1e-8);
+    EXPECT_NEAR(e.wrench_S[4], -4e-3 * -1, 1e-8);
+}
+
+TEST_F(PatchTest, RefusesACalibrationWithItsReason) {
+    EXPECT_NE(fault_of(with("taxel", {{1, 0, 0}, {0, 1, 0}})).find("table taxel has 2 rows; it needs 1 (fz) or 3"),
+              std::string::npos);
+    EXPECT_NE(fault_of(with("gain", {{1, 2}})).find("table gain has 2 numbers in a row for 30 taxels"), std::string::npos);
+    EXPECT_NE(fault_of(with("dead", {{30}})).find("table dead has 30; a taxel is 0 .. 29"), std::string::npos);
+    EXPECT_NE(fault_of(with("place_mm", {{0, 0, 0}})).find("given twice"), std::string::npos);
+    EXPECT_NE(fault_of(with("wiring", {std::vector<double>(30, 1)})).find("each of the 30 places is needed once"),
+              std::string::npos);
+    EXPECT_NE(fault_of(with("taxel_sd", {{1, 2}})).find("taxel_sd has 2 numbers"), std::string::npos);
+    Calibration c = calibration_;
+    c.tables["taxel"] = {{0, 0, 1}};
+    EXPECT_NE(fault_of(c).find("components has \"fx\", but the taxels measure fz alone"), std::string::npos);
+    c = calibration_;
+    c.parameters["rows"] = 2.5;
+    EXPECT_NE(fault_of(c).find("whole numbers"), std::string::npos);
+    c = calibration_;
+    c.parameters["rows"] = c.parameters["columns"] = 100;
+    EXPECT_NE(fault_of(c).find("10000 taxels; an array has at most 4096"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace tactiled
