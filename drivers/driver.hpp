@@ -56,7 +56,7 @@ public:
 
     // The shape of the arrays that this link carries, from its keys. setup
     [[nodiscard]] virtual TaxelShape taxel_shape() const noexcept { return {}; }
-    // The taxels of the last frame, valid until the next call of read() or has_more(). Of a frame with channels: none.
+    // The taxels of the last frame, valid until the next call of read() or has_more(). A frame with channels has none.
     // rt: wait-free
     [[nodiscard]] virtual Taxels taxels() const noexcept { return {}; }
 

@@ -15,8 +15,7 @@
 
 namespace tactiled {
 
-// A stream of bytes with consecutive frames. The result does not depend on how the bytes were cut into chunks. A
-// format derives from this class and decides for each byte whether a frame is complete.
+// A stream of bytes with consecutive frames. The result does not depend on how the bytes were cut into chunks.
 class StreamDecoder {
 public:
     static constexpr std::size_t kMaxBytes = 4096;  // bytes of one push; size of a kernel's tty buffer
@@ -50,7 +49,7 @@ public:
 
     // True if next() will return a frame. rt: wait-free
     [[nodiscard]] bool is_ready() noexcept {
-        while (!ready_ && at_ < size_) ready_ = take(bytes_[at_++], ahead_);
+        while (!ready_ && at_ < size_) at_ += take({bytes_.data() + at_, size_ - at_}, ahead_, ready_);
         if (ready_ && ahead_.t_ns == 0) {
             ahead_.t_ns = t_ns_ - (t_ns_ - since_ns_) / size_ * (size_ - at_);
             ahead_.taken_ns = t_ns_;
@@ -88,8 +87,10 @@ public:
     [[nodiscard]] virtual std::span<const std::uint8_t> stop_bytes() const noexcept { return {}; }
 
 protected:
-    // Uses one byte. Returns true if it completed `frame`; the base class sets the timestamp and counts. rt: wait-free
-    [[nodiscard]] virtual bool take(std::uint8_t byte, Frame& frame) noexcept = 0;
+    // Uses bytes from the beginning of `bytes`, at least one, and none after the end of a frame. Returns their number, and
+    // sets `is_complete` if they completed `frame`; the base class sets the timestamp and counts. rt: wait-free
+    [[nodiscard]] virtual std::size_t take(std::span<const std::uint8_t> bytes, Frame& frame,
+                                           bool& is_complete) noexcept = 0;
 
     LinkCounts& counts_;
     Echo echo_;
@@ -100,6 +101,23 @@ private:
     std::uint64_t t_ns_ = 0, since_ns_ = 0;
     Frame ahead_;
     bool ready_ = false;
+};
+
+// A format that decides for each byte whether a frame is complete.
+class ByteDecoder : public StreamDecoder {
+public:
+    using StreamDecoder::StreamDecoder;
+
+protected:
+    // Uses one byte. Returns true if it completed `frame`. rt: wait-free
+    [[nodiscard]] virtual bool take(std::uint8_t byte, Frame& frame) noexcept = 0;
+
+private:
+    [[nodiscard]] std::size_t take(std::span<const std::uint8_t> bytes, Frame& frame, bool& is_complete) noexcept final {
+        std::size_t used = 0;
+        while (!is_complete && used < bytes.size()) is_complete = take(bytes[used++], frame);
+        return used;
+    }
 };
 
 }  // namespace tactiled

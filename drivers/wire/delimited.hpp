@@ -1,8 +1,10 @@
 // The common part of COBS frames and lines of text: each ends with a byte that does not occur elsewhere in it.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <span>
 #include <string_view>
 
@@ -38,16 +40,18 @@ protected:
     [[nodiscard]] bool is_synchronised() const noexcept { return synchronised_; }
 
 private:
-    [[nodiscard]] bool take(std::uint8_t byte, Frame& frame) noexcept final {
-        if (byte != kEnd) {
-            if (length_ < bytes_.size()) bytes_[length_] = byte;
-            ++length_;
-            return false;
-        }
-        const bool complete = length_ > kMax ? reject(TACTILED_LINK_BAD_LENGTH) : finish({bytes_.data(), length_}, frame);
+    [[nodiscard]] std::size_t take(std::span<const std::uint8_t> bytes, Frame& frame, bool& is_complete) noexcept final {
+        const void* const end = std::memchr(bytes.data(), kEnd, bytes.size());
+        const std::size_t n =
+            end == nullptr ? bytes.size() : std::size_t(static_cast<const std::uint8_t*>(end) - bytes.data());
+        if (length_ < bytes_.size())
+            std::memcpy(bytes_.data() + length_, bytes.data(), std::min(n, bytes_.size() - length_));
+        length_ += n;
+        if (end == nullptr) return n;
+        is_complete = length_ > kMax ? reject(TACTILED_LINK_BAD_LENGTH) : finish({bytes_.data(), length_}, frame);
         length_ = 0;
         synchronised_ = true;
-        return complete;
+        return n + 1;
     }
 
     std::array<std::uint8_t, kMax> bytes_{};
