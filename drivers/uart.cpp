@@ -11,7 +11,6 @@
 #include <array>
 #include <cassert>
 #include <cerrno>
-#include <charconv>
 #include <cstring>
 #include <utility>
 
@@ -20,6 +19,7 @@
 #include "drivers/driver.hpp"
 #include "drivers/tcp.hpp"
 #include "drivers/tty.hpp"
+#include "drivers/wire/echo_requests.hpp"
 #include "drivers/wire/stream_format.hpp"
 
 namespace tactiled {
@@ -32,10 +32,7 @@ constexpr std::uint64_t kAwayMs = 1000;             // bytes may wait this long
 // first bytes after it are dated with that error, which is at most stale_ms / 40 while their sensor is GOOD.
 constexpr int kSliceMs = 10, kSilencePerSlice = 40;
 constexpr std::uint64_t kLateMs = 20;  // a running process continues this soon after the end of a slice
-// Interval of the requests for an echo, and the same while no frame comes: the frame that ends a silence is then known to
-// be as young as the last answer.
-constexpr std::uint64_t kEchoNs = 200'000'000, kSilentEchoNs = 25'000'000;
-constexpr std::uint64_t kLostEchoNs = 2'000'000'000;  // a request without an answer for this time is repeated
+constexpr std::uint64_t kOrdinaryNs = (kSliceMs + kLateMs) * 1'000'000;
 constexpr std::uint64_t kStopMs = 20;  // two frames of a device at 100 Hz: a frame that was being sent has ended
 
 class Stream final : public Driver {
@@ -58,7 +55,7 @@ public:
             options.accept_other_keys();
         echo_ = options.flag("echo", false);
         if (echo_ && decoder_ != nullptr && !decoder_->has_echo())
-            options.problem("echo", "echo = true needs a format with echo lines: format = \"lines\"");
+            options.problem("echo", "echo = true needs a format with answers: format = \"lines\", or \"cobs\" with taxels");
     }
     ~Stream() override { close(); }
 
@@ -74,9 +71,7 @@ public:
         is_direct_ = declared_path_.empty() ? !network_ && is_local_tty(path_) : declared_path_ == "direct";
         asked_ns_ = heard_ns_ = now_ns();
         asked_again_ = streamed_ = false;
-        answered_ = {};
-        echo_number_ += echo_number_ % 2;  // no answer comes to a request before the opening
-        echo_ns_ = 0;
+        requests_.open();
         if (!ask_for_stream(!network_)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
         hung_up_at_open_ = std::exchange(hung_up_, false);
         if (!tty_overruns(fd_, overruns_at_open_)) overruns_at_open_ = 0;
@@ -123,7 +118,7 @@ public:
         const std::uint64_t t_ns = heard_ns_ = now_ns();
         const std::uint64_t waited_ns = with_suspend_ns() - empty_ns_;
         if (waited_ns > kAwayMs * 1'000'000) return too_old(std::size_t(size));
-        since_ns_ = waited_ns > (kSliceMs + kLateMs) * 1'000'000 ? t_ns - waited_ns : 0;
+        since_ns_ = waited_ns > kOrdinaryNs ? t_ns - waited_ns : 0;
         if (std::size_t(size) + 1 < bytes_.size()) empty_ns_ = reads_ns;  // a read from a full tty returns one byte less
         decoder_->push({bytes_.data(), std::size_t(size)}, t_ns, t_ns - waited_ns);
         if (!take(frame)) return Status::timeout;
@@ -147,6 +142,8 @@ public:
 
     bool has_more() const noexcept override { return decoder_->is_ready(); }
     bool can_poll() const noexcept override { return true; }
+    TaxelShape taxel_shape() const noexcept override { return decoder_ == nullptr ? TaxelShape{} : decoder_->taxel_shape(); }
+    Taxels taxels() const noexcept override { return decoder_->taxels(); }
 
     std::string freshness() const override {
         const std::string by_frames = decoder_ == nullptr ? "" : decoder_->freshness();
@@ -180,35 +177,23 @@ public:
 private:
     [[nodiscard]] bool take(Frame& frame) noexcept {
         const bool is_frame = decoder_->next(frame);
-        // Answers come in order, and the decoder has read none after this frame.
-        if (const StreamDecoder::Echo echo = decoder_->take_echo(); echo.number != 0 && echo.number == echo_number_) {
-            echo_number_ += echo_number_ % 2;  // answered: even
-            answered_ = {echo_ns_, echo.time_us};
-        }
+        requests_.answer(decoder_->take_echo());  // in order: the decoder has read no answer after this frame
         if (!is_frame) return false;
-        frame.since_ns = since_ns_;
-        frame.slice_ns = slice_ns_;
-        frame.asked_ns = answered_.asked_ns;
-        frame.answered_us = answered_.time_us;
-        answered_ = {};
+        if (frame.since_ns == 0) {
+            frame.since_ns = since_ns_;
+            frame.slice_ns = slice_ns_;
+        } else {  // its bytes came in several reads
+            frame.slice_ns += std::max(slice_ns_, kOrdinaryNs);
+        }
+        requests_.prove(frame);
         asked_ns_ = frame.t_ns;
         return true;
     }
 
-    // Asks the device for its time when that is due; one request at a time. A device that never reads fills the buffers on
-    // the way to it; then the request is lost, and frames still come.
+    // Asks the device for its time when that is due. A device that never reads fills the buffers on the way to it; then the
+    // request is lost, and frames still come.
     void ask_for_echo() noexcept {
-        if (!echo_) return;
-        const std::uint64_t now = now_ns();
-        const bool is_answered = echo_number_ % 2 == 0, is_silent = now - std::min(asked_ns_, now) > kSilentEchoNs;
-        const std::uint64_t interval_ns = !is_answered ? kLostEchoNs : is_silent ? kSilentEchoNs : kEchoNs;
-        if (now - std::min(echo_ns_, now) < interval_ns) return;
-        echo_number_ += is_answered ? 1 : 2;  // the number of a request is odd
-        std::array<char, 16> line{'?'};
-        char* const end = std::to_chars(line.data() + 1, line.data() + line.size() - 1, echo_number_).ptr;
-        *end = '\n';
-        echo_ns_ = now;
-        (void)tell({reinterpret_cast<const std::uint8_t*>(line.data()), std::size_t(end + 1 - line.data())});
+        if (echo_) (void)tell(requests_.request(now_ns(), asked_ns_));
     }
 
     Status hang_up() noexcept {
@@ -261,12 +246,7 @@ private:
     bool is_direct_ = false;
     bool hung_up_ = false, hung_up_at_open_ = false;  // the other end has closed the port
     bool echo_ = false;
-    std::uint32_t echo_number_ = 0;  // of the last request: odd, and even once it was answered
-    std::uint64_t echo_ns_ = 0;      // its time
-    struct {
-        std::uint64_t asked_ns = 0;
-        std::uint32_t time_us = 0;
-    } answered_;  // the last answer since the last frame
+    EchoRequests requests_;
     // nullptr if the configuration has an error: the node then does not open the link
     std::unique_ptr<StreamDecoder> decoder_;
     Descriptor fd_;
