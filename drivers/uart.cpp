@@ -2,7 +2,6 @@
 // serial format (wire/stream_format.hpp). read() = 0 or an error means that the device is disconnected; the node then opens
 // it again.
 #include <fmt/format.h>
-#include <poll.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -17,6 +16,7 @@
 #include "drivers/clock.hpp"
 #include "drivers/descriptor.hpp"
 #include "drivers/driver.hpp"
+#include "drivers/sliced_wait.hpp"
 #include "drivers/tcp.hpp"
 #include "drivers/tty.hpp"
 #include "drivers/wire/echo_requests.hpp"
@@ -27,12 +27,6 @@ namespace {
 
 constexpr int kConnectMs = 800;                     // open() may block for a second
 constexpr std::uint64_t kSilentNs = 1'000'000'000;  // the request for a stream is repeated after this silence
-constexpr std::uint64_t kAwayMs = 1000;             // bytes may wait this long
-// A wait is divided into slices, so that a stop of the process is noticed. After a silence a slice is a fortieth of it: the
-// first bytes after it are dated with that error, which is at most stale_ms / 40 while their sensor is GOOD.
-constexpr int kSliceMs = 10, kSilencePerSlice = 40;
-constexpr std::uint64_t kLateMs = 20;  // a running process continues this soon after the end of a slice
-constexpr std::uint64_t kOrdinaryNs = (kSliceMs + kLateMs) * 1'000'000;
 constexpr std::uint64_t kStopMs = 20;  // two frames of a device at 100 Hz: a frame that was being sent has ended
 
 class Stream final : public Driver {
@@ -63,13 +57,14 @@ public:
         assert(decoder_ != nullptr);
         close();
         std::string why;
-        empty_ns_ = with_suspend_ns();
+        wait_.seen_empty(with_suspend_ns());
         fd_.reset(network_ ? open_tcp(address_, path_, kConnectMs, why)
                            : open_tty(path_, {.baud = baud_, .answers = echo_ || !decoder_->start_bytes().empty()}, why));
         if (fd_ < 0) return why;
         decoder_->reset();
         is_direct_ = declared_path_.empty() ? !network_ && is_local_tty(path_) : declared_path_ == "direct";
-        asked_ns_ = heard_ns_ = now_ns();
+        wait_.open();
+        asked_ns_ = now_ns();
         asked_again_ = streamed_ = false;
         requests_.open();
         if (!ask_for_stream(!network_)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
@@ -79,7 +74,7 @@ public:
         // Waiting bytes arrived at an unknown time since the link was connected or flushed, because this thread may not have
         // been scheduled in the meantime.
         const std::uint64_t looks_ns = with_suspend_ns();
-        if (waiting_bytes() == 0) empty_ns_ = looks_ns;
+        if (waiting_bytes() == 0) wait_.seen_empty(looks_ns);
         return "";
     }
 
@@ -91,35 +86,22 @@ public:
             asked_again_ = streamed_;
             if (!ask_for_stream(false)) return Status::disconnected;
         }
-        // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its cycle. Without a time
-        // limit, read() alone shows whether bytes are there.
-        int ready = timeout_ms == 0;
-        slice_ns_ = 0;
-        for (int left_ms = timeout_ms; ready == 0;) {
-            const std::uint64_t silence_ms = (now_ns() - heard_ns_) / 1'000'000;
-            const int slice_ms = std::min(left_ms, std::max(kSliceMs, int(silence_ms / kSilencePerSlice)));
-            slice_ns_ = std::uint64_t(slice_ms) * 1'000'000;
-            const std::uint64_t waits_ns = with_suspend_ns();
-            pollfd waiting{fd_, POLLIN, 0};
-            const timespec timeout{slice_ms / 1000, long(slice_ms % 1000) * 1'000'000};
-            ready = ::ppoll(&waiting, 1, &timeout, nullptr);
-            // the kernel had no bytes at the end of the slice, either
-            if (ready == 0) empty_ns_ = waits_ns + slice_ns_;
-            if (ready == 0) ask_for_echo();
-            if (ready == 0 && (left_ms -= slice_ms) <= 0) return Status::timeout;
-        }
+        // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its cycle.
+        const int ready = wait_.wait(fd_, timeout_ms, [this] { ask_for_echo(); });
+        if (ready == 0) return Status::timeout;
         if (ready < 0 && errno == EINTR) return Status::timeout;
         if (ready < 0) return hang_up();
         const std::uint64_t reads_ns = with_suspend_ns();
         const ssize_t size = ::read(fd_, bytes_.data(), bytes_.size());
-        if (size < 0 && errno == EAGAIN) empty_ns_ = reads_ns;
+        if (size < 0 && errno == EAGAIN) wait_.seen_empty(reads_ns);
         if (size < 0 && (errno == EINTR || errno == EAGAIN)) return Status::timeout;
         if (size <= 0) return hang_up();  // 0 on a tty is a hang-up and not an end of file
-        const std::uint64_t t_ns = heard_ns_ = now_ns();
-        const std::uint64_t waited_ns = with_suspend_ns() - empty_ns_;
-        if (waited_ns > kAwayMs * 1'000'000) return too_old(std::size_t(size));
-        since_ns_ = waited_ns > kOrdinaryNs ? t_ns - waited_ns : 0;
-        if (std::size_t(size) + 1 < bytes_.size()) empty_ns_ = reads_ns;  // a read from a full tty returns one byte less
+        const std::uint64_t t_ns = now_ns(), waited_ns = wait_.waited_ns();
+        wait_.heard(t_ns);
+        if (waited_ns > SlicedWait::kAwayNs) return too_old(std::size_t(size));
+        since_ns_ = waited_ns > SlicedWait::kOrdinaryNs ? t_ns - waited_ns : 0;
+        // a read from a full tty returns one byte less
+        if (std::size_t(size) + 1 < bytes_.size()) wait_.seen_empty(reads_ns);
         decoder_->push({bytes_.data(), std::size_t(size)}, t_ns, t_ns - waited_ns);
         if (!take(frame)) return Status::timeout;
         streamed_ = true;
@@ -181,9 +163,9 @@ private:
         if (!is_frame) return false;
         if (frame.since_ns == 0) {
             frame.since_ns = since_ns_;
-            frame.slice_ns = slice_ns_;
+            frame.slice_ns = wait_.slice_ns();
         } else {  // its bytes came in several reads
-            frame.slice_ns += std::max(slice_ns_, kOrdinaryNs);
+            frame.slice_ns += std::max(wait_.slice_ns(), SlicedWait::kOrdinaryNs);
         }
         requests_.prove(frame);
         asked_ns_ = frame.t_ns;
@@ -209,7 +191,7 @@ private:
             const std::uint64_t sent_ms = 10 * 1000 * decoder_->stop_bytes().size() / baud_;
             const timespec pause{0, long(std::min<std::uint64_t>(sent_ms + kStopMs, 900)) * 1'000'000};
             ::clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, nullptr);
-            empty_ns_ = with_suspend_ns();
+            wait_.seen_empty(with_suspend_ns());
             if (!flush_tty(fd_)) return false;  // discards the bytes sent until it stopped
         }
         return tell(decoder_->start_bytes());
@@ -250,10 +232,8 @@ private:
     // nullptr if the configuration has an error: the node then does not open the link
     std::unique_ptr<StreamDecoder> decoder_;
     Descriptor fd_;
-    // time, with_suspend_ns(), at which no bytes waited: bytes read arrived later
-    std::uint64_t empty_ns_ = 0;
-    std::uint64_t heard_ns_ = 0;                   // time of the opening, or of the last bytes
-    std::uint64_t since_ns_ = 0, slice_ns_ = 0;    // of the bytes in the decoder, see Frame
+    SlicedWait wait_;
+    std::uint64_t since_ns_ = 0;                   // of the bytes in the decoder, see Frame
     std::uint64_t asked_ns_ = 0;                   // time of the request for the stream, or of its last frame
     bool asked_again_ = false, streamed_ = false;  // since open(); a device that is only late was not restarted
     std::uint32_t overruns_at_open_ = 0, overruns_before_ = 0;
