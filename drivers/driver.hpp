@@ -56,7 +56,7 @@ public:
 
     // The shape of the arrays that this link carries, from its keys. setup
     [[nodiscard]] virtual TaxelShape taxel_shape() const noexcept { return {}; }
-    // The taxels of the last frame, valid until the next call of read() or has_more(). Of a frame with channels: none.
+    // The taxels of the last frame, valid until the next call of read() or has_more(). A frame with channels has none.
     // rt: wait-free
     [[nodiscard]] virtual Taxels taxels() const noexcept { return {}; }
 
@@ -93,12 +93,14 @@ public:
 // A resource of this machine that a link needs; `tactilectl doctor` checks it.
 struct Requirement {
     enum class Kind {
-        file,              // must exist, and the daemon's user must be allowed to read and write it
-        serial_port,       // a serial port: its adapter should not delay received bytes
-        network_interface  // must exist and be up
+        file,               // must exist, and the daemon's user must be allowed to read and write it
+        serial_port,        // a serial port: its adapter should not delay received bytes
+        network_interface,  // must exist and be up
+        socket_buffer       // a limit of the kernel should allow a socket so many bytes
     } kind;
-    std::string name;           // path of the file, or name of the interface
+    std::string name;           // path of the file, name of the interface, or of the limit
     std::string bring_up = "";  // network_interface: the command that sets it up
+    std::size_t bytes = 0;      // socket_buffer
 };
 
 // One kind of driver. A new driver is one new file, with an entry at its end, and one line in drivers/CMakeLists.txt.

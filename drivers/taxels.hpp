@@ -12,7 +12,7 @@ inline constexpr std::size_t kMaxTaxelValues = 8;  // raw values of one taxel: f
 
 struct TaxelShape {
     std::uint16_t taxels = 0;  // 0 = the link has no array
-    std::uint16_t values = 0;  // of each taxel
+    std::uint16_t values = 0;  // per taxel
     [[nodiscard]] std::size_t size() const noexcept { return std::size_t(taxels) * values; }
     bool operator==(const TaxelShape&) const = default;
 };

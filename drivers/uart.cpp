@@ -2,7 +2,6 @@
 // serial format (wire/stream_format.hpp). read() = 0 or an error means that the device is disconnected; the node then opens
 // it again.
 #include <fmt/format.h>
-#include <poll.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -11,15 +10,16 @@
 #include <array>
 #include <cassert>
 #include <cerrno>
-#include <charconv>
 #include <cstring>
 #include <utility>
 
 #include "drivers/clock.hpp"
 #include "drivers/descriptor.hpp"
 #include "drivers/driver.hpp"
+#include "drivers/sliced_wait.hpp"
 #include "drivers/tcp.hpp"
 #include "drivers/tty.hpp"
+#include "drivers/wire/echo_requests.hpp"
 #include "drivers/wire/stream_format.hpp"
 
 namespace tactiled {
@@ -27,15 +27,6 @@ namespace {
 
 constexpr int kConnectMs = 800;                     // open() may block for a second
 constexpr std::uint64_t kSilentNs = 1'000'000'000;  // the request for a stream is repeated after this silence
-constexpr std::uint64_t kAwayMs = 1000;             // bytes may wait this long
-// A wait is divided into slices, so that a stop of the process is noticed. After a silence a slice is a fortieth of it: the
-// first bytes after it are dated with that error, which is at most stale_ms / 40 while their sensor is GOOD.
-constexpr int kSliceMs = 10, kSilencePerSlice = 40;
-constexpr std::uint64_t kLateMs = 20;  // a running process continues this soon after the end of a slice
-// Interval of the requests for an echo, and the same while no frame comes: the frame that ends a silence is then known to
-// be as young as the last answer.
-constexpr std::uint64_t kEchoNs = 200'000'000, kSilentEchoNs = 25'000'000;
-constexpr std::uint64_t kLostEchoNs = 2'000'000'000;  // a request without an answer for this time is repeated
 constexpr std::uint64_t kStopMs = 20;  // two frames of a device at 100 Hz: a frame that was being sent has ended
 
 class Stream final : public Driver {
@@ -58,7 +49,7 @@ public:
             options.accept_other_keys();
         echo_ = options.flag("echo", false);
         if (echo_ && decoder_ != nullptr && !decoder_->has_echo())
-            options.problem("echo", "echo = true needs a format with echo lines: format = \"lines\"");
+            options.problem("echo", "echo = true needs a format with answers: format = \"lines\", or \"cobs\" with taxels");
     }
     ~Stream() override { close(); }
 
@@ -66,17 +57,16 @@ public:
         assert(decoder_ != nullptr);
         close();
         std::string why;
-        empty_ns_ = with_suspend_ns();
+        wait_.seen_empty(with_suspend_ns());
         fd_.reset(network_ ? open_tcp(address_, path_, kConnectMs, why)
                            : open_tty(path_, {.baud = baud_, .answers = echo_ || !decoder_->start_bytes().empty()}, why));
         if (fd_ < 0) return why;
         decoder_->reset();
         is_direct_ = declared_path_.empty() ? !network_ && is_local_tty(path_) : declared_path_ == "direct";
-        asked_ns_ = heard_ns_ = now_ns();
+        wait_.open();
+        asked_ns_ = now_ns();
         asked_again_ = streamed_ = false;
-        answered_ = {};
-        echo_number_ += echo_number_ % 2;  // no answer comes to a request before the opening
-        echo_ns_ = 0;
+        requests_.open();
         if (!ask_for_stream(!network_)) return fmt::format("{}: cannot send: {}", path_, std::strerror(errno));
         hung_up_at_open_ = std::exchange(hung_up_, false);
         if (!tty_overruns(fd_, overruns_at_open_)) overruns_at_open_ = 0;
@@ -84,7 +74,7 @@ public:
         // Waiting bytes arrived at an unknown time since the link was connected or flushed, because this thread may not have
         // been scheduled in the meantime.
         const std::uint64_t looks_ns = with_suspend_ns();
-        if (waiting_bytes() == 0) empty_ns_ = looks_ns;
+        if (waiting_bytes() == 0) wait_.seen_empty(looks_ns);
         return "";
     }
 
@@ -96,35 +86,22 @@ public:
             asked_again_ = streamed_;
             if (!ask_for_stream(false)) return Status::disconnected;
         }
-        // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its cycle. Without a time
-        // limit, read() alone shows whether bytes are there.
-        int ready = timeout_ms == 0;
-        slice_ns_ = 0;
-        for (int left_ms = timeout_ms; ready == 0;) {
-            const std::uint64_t silence_ms = (now_ns() - heard_ns_) / 1'000'000;
-            const int slice_ms = std::min(left_ms, std::max(kSliceMs, int(silence_ms / kSilencePerSlice)));
-            slice_ns_ = std::uint64_t(slice_ms) * 1'000'000;
-            const std::uint64_t waits_ns = with_suspend_ns();
-            pollfd waiting{fd_, POLLIN, 0};
-            const timespec timeout{slice_ms / 1000, long(slice_ms % 1000) * 1'000'000};
-            ready = ::ppoll(&waiting, 1, &timeout, nullptr);
-            // the kernel had no bytes at the end of the slice, either
-            if (ready == 0) empty_ns_ = waits_ns + slice_ns_;
-            if (ready == 0) ask_for_echo();
-            if (ready == 0 && (left_ms -= slice_ms) <= 0) return Status::timeout;
-        }
+        // Waits once; a chunk that completes no frame ends in `timeout`, so that the caller keeps its cycle.
+        const int ready = wait_.wait(fd_, timeout_ms, [this] { ask_for_echo(); });
+        if (ready == 0) return Status::timeout;
         if (ready < 0 && errno == EINTR) return Status::timeout;
         if (ready < 0) return hang_up();
         const std::uint64_t reads_ns = with_suspend_ns();
         const ssize_t size = ::read(fd_, bytes_.data(), bytes_.size());
-        if (size < 0 && errno == EAGAIN) empty_ns_ = reads_ns;
+        if (size < 0 && errno == EAGAIN) wait_.seen_empty(reads_ns);
         if (size < 0 && (errno == EINTR || errno == EAGAIN)) return Status::timeout;
         if (size <= 0) return hang_up();  // 0 on a tty is a hang-up and not an end of file
-        const std::uint64_t t_ns = heard_ns_ = now_ns();
-        const std::uint64_t waited_ns = with_suspend_ns() - empty_ns_;
-        if (waited_ns > kAwayMs * 1'000'000) return too_old(std::size_t(size));
-        since_ns_ = waited_ns > (kSliceMs + kLateMs) * 1'000'000 ? t_ns - waited_ns : 0;
-        if (std::size_t(size) + 1 < bytes_.size()) empty_ns_ = reads_ns;  // a read from a full tty returns one byte less
+        const std::uint64_t t_ns = now_ns(), waited_ns = wait_.waited_ns();
+        wait_.heard(t_ns);
+        if (waited_ns > SlicedWait::kAwayNs) return too_old(std::size_t(size));
+        since_ns_ = waited_ns > SlicedWait::kOrdinaryNs ? t_ns - waited_ns : 0;
+        // a read from a full tty returns one byte less
+        if (std::size_t(size) + 1 < bytes_.size()) wait_.seen_empty(reads_ns);
         decoder_->push({bytes_.data(), std::size_t(size)}, t_ns, t_ns - waited_ns);
         if (!take(frame)) return Status::timeout;
         streamed_ = true;
@@ -147,6 +124,8 @@ public:
 
     bool has_more() const noexcept override { return decoder_->is_ready(); }
     bool can_poll() const noexcept override { return true; }
+    TaxelShape taxel_shape() const noexcept override { return decoder_ == nullptr ? TaxelShape{} : decoder_->taxel_shape(); }
+    Taxels taxels() const noexcept override { return decoder_->taxels(); }
 
     std::string freshness() const override {
         const std::string by_frames = decoder_ == nullptr ? "" : decoder_->freshness();
@@ -180,35 +159,23 @@ public:
 private:
     [[nodiscard]] bool take(Frame& frame) noexcept {
         const bool is_frame = decoder_->next(frame);
-        // Answers come in order, and the decoder has read none after this frame.
-        if (const StreamDecoder::Echo echo = decoder_->take_echo(); echo.number != 0 && echo.number == echo_number_) {
-            echo_number_ += echo_number_ % 2;  // answered: even
-            answered_ = {echo_ns_, echo.time_us};
-        }
+        requests_.answer(decoder_->take_echo());  // in order: the decoder has read no answer after this frame
         if (!is_frame) return false;
-        frame.since_ns = since_ns_;
-        frame.slice_ns = slice_ns_;
-        frame.asked_ns = answered_.asked_ns;
-        frame.answered_us = answered_.time_us;
-        answered_ = {};
+        if (frame.since_ns == 0) {
+            frame.since_ns = since_ns_;
+            frame.slice_ns = wait_.slice_ns();
+        } else {  // its bytes came in several reads
+            frame.slice_ns += std::max(wait_.slice_ns(), SlicedWait::kOrdinaryNs);
+        }
+        requests_.prove(frame);
         asked_ns_ = frame.t_ns;
         return true;
     }
 
-    // Asks the device for its time when that is due; one request at a time. A device that never reads fills the buffers on
-    // the way to it; then the request is lost, and frames still come.
+    // Asks the device for its time when that is due. A device that never reads fills the buffers on the way to it; then the
+    // request is lost, and frames still come.
     void ask_for_echo() noexcept {
-        if (!echo_) return;
-        const std::uint64_t now = now_ns();
-        const bool is_answered = echo_number_ % 2 == 0, is_silent = now - std::min(asked_ns_, now) > kSilentEchoNs;
-        const std::uint64_t interval_ns = !is_answered ? kLostEchoNs : is_silent ? kSilentEchoNs : kEchoNs;
-        if (now - std::min(echo_ns_, now) < interval_ns) return;
-        echo_number_ += is_answered ? 1 : 2;  // the number of a request is odd
-        std::array<char, 16> line{'?'};
-        char* const end = std::to_chars(line.data() + 1, line.data() + line.size() - 1, echo_number_).ptr;
-        *end = '\n';
-        echo_ns_ = now;
-        (void)tell({reinterpret_cast<const std::uint8_t*>(line.data()), std::size_t(end + 1 - line.data())});
+        if (echo_) (void)tell(requests_.request(now_ns(), asked_ns_));
     }
 
     Status hang_up() noexcept {
@@ -224,7 +191,7 @@ private:
             const std::uint64_t sent_ms = 10 * 1000 * decoder_->stop_bytes().size() / baud_;
             const timespec pause{0, long(std::min<std::uint64_t>(sent_ms + kStopMs, 900)) * 1'000'000};
             ::clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, nullptr);
-            empty_ns_ = with_suspend_ns();
+            wait_.seen_empty(with_suspend_ns());
             if (!flush_tty(fd_)) return false;  // discards the bytes sent until it stopped
         }
         return tell(decoder_->start_bytes());
@@ -261,19 +228,12 @@ private:
     bool is_direct_ = false;
     bool hung_up_ = false, hung_up_at_open_ = false;  // the other end has closed the port
     bool echo_ = false;
-    std::uint32_t echo_number_ = 0;  // of the last request: odd, and even once it was answered
-    std::uint64_t echo_ns_ = 0;      // its time
-    struct {
-        std::uint64_t asked_ns = 0;
-        std::uint32_t time_us = 0;
-    } answered_;  // the last answer since the last frame
+    EchoRequests requests_;
     // nullptr if the configuration has an error: the node then does not open the link
     std::unique_ptr<StreamDecoder> decoder_;
     Descriptor fd_;
-    // time, with_suspend_ns(), at which no bytes waited: bytes read arrived later
-    std::uint64_t empty_ns_ = 0;
-    std::uint64_t heard_ns_ = 0;                   // time of the opening, or of the last bytes
-    std::uint64_t since_ns_ = 0, slice_ns_ = 0;    // of the bytes in the decoder, see Frame
+    SlicedWait wait_;
+    std::uint64_t since_ns_ = 0;                   // of the bytes in the decoder, see Frame
     std::uint64_t asked_ns_ = 0;                   // time of the request for the stream, or of its last frame
     bool asked_again_ = false, streamed_ = false;  // since open(); a device that is only late was not restarted
     std::uint32_t overruns_at_open_ = 0, overruns_before_ = 0;

@@ -4,7 +4,7 @@
 set -euo pipefail
 
 build=(g++ cmake ninja-build pkg-config ccache libmodbus-dev libgpiod-dev libsystemd-dev libfmt-dev libcli11-dev libtomlplusplus-dev
-    libeigen3-dev libceres-dev nlohmann-json3-dev libboost-dev liblz4-dev libzstd-dev libmicrohttpd-dev)
+    libeigen3-dev libceres-dev nlohmann-json3-dev libboost-dev liblz4-dev libzstd-dev zlib1g-dev libmicrohttpd-dev)
 bridges=(libmosquitto-dev cyclonedds-dev cyclonedds-tools)
 demo=(mbpoll python3)
 tests=(git mold libgtest-dev librapidcheck-dev mbpoll python3 python3-pymodbus python3-serial-asyncio procps strace

@@ -28,34 +28,62 @@ void put(std::uint8_t*& at, std::uint32_t value, int n) noexcept {
 
 std::int32_t saturation_limit(int bits) noexcept { return std::int32_t((1u << (bits - 1)) - 1); }
 
-// Returns the length of the plain bytes, or 0 if `encoded` is not valid COBS.
+constexpr std::size_t kMaxRun = 254;  // bytes after a code
+
+std::size_t cobs_bytes(std::size_t plain) noexcept { return plain + plain / kMaxRun + 2; }
+
+// Returns the length of the plain bytes, which is less than that of `encoded`, or 0 if `encoded` is not valid COBS.
 std::size_t uncobs(std::span<const std::uint8_t> encoded, std::uint8_t* plain) noexcept {
     std::size_t n = 0;
     for (std::size_t i = 0; i < encoded.size();) {
         const std::size_t code = encoded[i++];
         if (code == 0 || i + code - 1 > encoded.size()) return 0;
-        for (std::size_t k = 1; k < code; ++k) plain[n++] = encoded[i++];
-        if (code != 255 && i < encoded.size()) plain[n++] = 0;
+        std::copy_n(encoded.begin() + std::ptrdiff_t(i), code - 1, plain + n);
+        i += code - 1;
+        n += code - 1;
+        if (code <= kMaxRun && i < encoded.size()) plain[n++] = 0;
     }
     return n;
 }
 
 }  // namespace
 
+CobsDecoder::CobsDecoder(LinkCounts& counts, TaxelShape shape)
+    : DelimitedDecoder(counts, shape.taxels == 0 ? kCobsMaxEncoded - 1
+                                                 : std::max(kCobsMaxEncoded, cobs_bytes(max_array_bytes(shape))) - 1),
+      plain_(shape.taxels == 0 ? kCobsMaxEncoded : std::max(kCobsMaxEncoded, cobs_bytes(max_array_bytes(shape)))) {
+    if (shape.taxels != 0) arrays_.emplace(shape, counts);
+}
+
 void CobsDecoder::reset() noexcept {
     DelimitedDecoder::reset();
     devices_.fill({});
+    is_array_ = false;
+    if (arrays_) arrays_->reset();
 }
 
 bool CobsDecoder::finish(std::span<const std::uint8_t> encoded, Frame& frame) noexcept {
     if (encoded.empty()) return false;  // zeros in a row are an idle line
-    std::array<std::uint8_t, kCobsMaxEncoded> plain;
+    const std::span<std::uint8_t> plain = plain_;
     const std::size_t n = uncobs(encoded, plain.data());
+    if (arrays_ && n != 0 && is_array_message(plain[0])) return take_array(plain.first(n), frame);
     if (n < kHeader + 3 + 2) return reject(TACTILED_LINK_BAD_LENGTH);
     Crc16 crc;
     crc.process_bytes(plain.data(), n - 2);
     if (crc.checksum() != get(&plain[n - 2], 2)) return reject(TACTILED_LINK_BAD_CHECKSUM);
-    return read_plain({plain.data(), n - 2}, crc.checksum(), frame);
+    if (!read_plain({plain.data(), n - 2}, crc.checksum(), frame)) return false;
+    is_array_ = false;
+    return true;
+}
+
+bool CobsDecoder::take_array(std::span<const std::uint8_t> message, Frame& frame) noexcept {
+    const auto taken =
+        arrays_->take(message, {.since_ns = began().since_ns, .first_ns = began().t_ns, .t_ns = arrival().t_ns}, frame);
+    if (taken == ArrayAssembler::Taken::refused) return reject(arrays_->fault());
+    if (const Echo echo = arrays_->take_echo(); echo.number != 0) echo_ = echo;
+    if (taken != ArrayAssembler::Taken::frame) return false;
+    is_array_ = true;
+    return true;
 }
 
 bool CobsDecoder::read_plain(std::span<const std::uint8_t> plain, std::uint32_t crc, Frame& frame) noexcept {
@@ -120,12 +148,15 @@ std::size_t encode_cobs(const Frame& frame, int bits, std::span<std::uint8_t, kC
     crc.process_bytes(plain.data(), std::size_t(at - plain.data()));
     put(at, crc.checksum(), 2);
 
-    std::size_t code_at = 0, n = 1;  // frames are shorter than 254 bytes: COBS adds exactly one byte
-    for (const std::uint8_t* p = plain.data(); p != at; ++p) {
-        if (*p != 0) {
-            out[n++] = *p;
-            continue;
-        }
+    return put_cobs({plain.data(), std::size_t(at - plain.data())}, out.data());
+}
+
+std::size_t put_cobs(std::span<const std::uint8_t> plain, std::uint8_t* out) noexcept {
+    std::size_t code_at = 0, n = 1;
+    for (std::size_t i = 0; i < plain.size(); ++i) {
+        if (plain[i] != 0) out[n++] = plain[i];
+        const bool is_full = n - code_at > kMaxRun;
+        if ((plain[i] != 0 && !is_full) || (is_full && i + 1 == plain.size())) continue;
         out[code_at] = std::uint8_t(n - code_at);
         code_at = n++;
     }
@@ -142,7 +173,9 @@ std::vector<std::uint8_t> encode(const Frame& frame, const StreamSettings& setti
     return {bytes.begin(), bytes.begin() + std::ptrdiff_t(n)};
 }
 
-std::unique_ptr<StreamDecoder> make(Options&, LinkCounts& counts) { return std::make_unique<CobsDecoder>(counts); }
+std::unique_ptr<StreamDecoder> make(Options& options, LinkCounts& counts) {
+    return std::make_unique<CobsDecoder>(counts, read_taxel_shape(options, false));
+}
 
 std::optional<StreamGuess> recognise(std::span<const std::uint8_t> bytes, double) {
     LinkCounts counts;

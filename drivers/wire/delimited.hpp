@@ -1,10 +1,12 @@
 // The common part of COBS frames and lines of text: each ends with a byte that does not occur elsewhere in it.
 #pragma once
-#include <array>
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <span>
 #include <string_view>
+#include <vector>
 
 #include "drivers/wire/decoder.hpp"
 
@@ -13,7 +15,8 @@ namespace tactiled {
 template <std::uint8_t kEnd, std::size_t kMax>
 class DelimitedDecoder : public StreamDecoder {
 public:
-    using StreamDecoder::StreamDecoder;
+    // `max`: bytes between two ends. setup
+    explicit DelimitedDecoder(LinkCounts& counts, std::size_t max = kMax) : StreamDecoder(counts), bytes_(max) {}
     void reset() noexcept override {
         StreamDecoder::reset();
         length_ = 0;
@@ -21,7 +24,7 @@ public:
     }
 
 protected:
-    // Decodes the bytes between two ends, at most kMax. Returns true if they are `frame`. rt: wait-free
+    // Decodes the bytes between two ends. Returns true if they are `frame`. rt: wait-free
     [[nodiscard]] virtual bool finish(std::span<const std::uint8_t> bytes, Frame& frame) noexcept = 0;
 
     // Count bytes that give no frame, including the end. Each returns false. rt: wait-free
@@ -34,23 +37,30 @@ protected:
         return skip();
     }
 
+    // The times of the push with the first byte of the present frame. rt: wait-free
+    [[nodiscard]] Arrival began() const noexcept { return began_; }
+
     // True if an end was seen since reset(), so that the present frame is whole. rt: wait-free
     [[nodiscard]] bool is_synchronised() const noexcept { return synchronised_; }
 
 private:
-    [[nodiscard]] bool take(std::uint8_t byte, Frame& frame) noexcept final {
-        if (byte != kEnd) {
-            if (length_ < bytes_.size()) bytes_[length_] = byte;
-            ++length_;
-            return false;
-        }
-        const bool complete = length_ > kMax ? reject(TACTILED_LINK_BAD_LENGTH) : finish({bytes_.data(), length_}, frame);
+    [[nodiscard]] std::size_t take(std::span<const std::uint8_t> bytes, Frame& frame, bool& is_complete) noexcept final {
+        const void* const end = std::memchr(bytes.data(), kEnd, bytes.size());
+        const std::size_t n =
+            end == nullptr ? bytes.size() : std::size_t(static_cast<const std::uint8_t*>(end) - bytes.data());
+        if (length_ == 0) began_ = arrival();
+        if (length_ < bytes_.size())
+            std::memcpy(bytes_.data() + length_, bytes.data(), std::min(n, bytes_.size() - length_));
+        length_ += n;
+        if (end == nullptr) return n;
+        is_complete = length_ > bytes_.size() ? reject(TACTILED_LINK_BAD_LENGTH) : finish({bytes_.data(), length_}, frame);
         length_ = 0;
         synchronised_ = true;
-        return complete;
+        return n + 1;
     }
 
-    std::array<std::uint8_t, kMax> bytes_{};
+    std::vector<std::uint8_t> bytes_;
+    Arrival began_;
     std::size_t length_ = 0;  // bytes since the last end, including those that did not fit
     bool synchronised_ = false;
 };

@@ -15,7 +15,7 @@ constexpr double kPerUnit[] = {100, 100, 100, 1000, 1000, 1000};  // per N, per 
 
 }  // namespace
 
-Ft300Decoder::Ft300Decoder(std::uint8_t unit, LinkCounts& counts) : StreamDecoder(counts) {
+Ft300Decoder::Ft300Decoder(std::uint8_t unit, LinkCounts& counts) : ByteDecoder(counts) {
     std::array<std::uint8_t, kModbusMaxRequest> request;
     encode_modbus(ModbusWire::rtu, {.unit = unit, .function = 16, .at = 410, .value = 0x0200}, request);
     std::copy_n(request.begin(), start_.size(), start_.begin());
@@ -23,7 +23,7 @@ Ft300Decoder::Ft300Decoder(std::uint8_t unit, LinkCounts& counts) : StreamDecode
 }
 
 void Ft300Decoder::reset() noexcept {
-    StreamDecoder::reset();
+    ByteDecoder::reset();
     size_ = 0;
 }
 

@@ -16,7 +16,7 @@ namespace tactiled {
 
 inline constexpr std::size_t kFt300Bytes = 16;
 
-class Ft300Decoder final : public StreamDecoder {
+class Ft300Decoder final : public ByteDecoder {
 public:
     Ft300Decoder(std::uint8_t unit, LinkCounts& counts);
     void reset() noexcept override;

@@ -76,7 +76,7 @@ arm64() {
     local tree=$root/arm64
     prepare bookworm "$tree" "" crossbuild-essential-arm64 cmake ninja-build pkg-config ccache python3 qemu-user-static \
         libcli11-dev libeigen3-dev nlohmann-json3-dev \
-        {libmodbus,libgpiod,libsystemd,libfmt,libtomlplusplus,libboost,libceres,libgtest,librapidcheck}-dev:arm64
+        {libmodbus,libgpiod,libsystemd,libfmt,libtomlplusplus,libboost,libceres,libgtest,librapidcheck,zlib1g}-dev:arm64
     inside "$tree" mkdir -p build
     inside "$tree" aarch64-linux-gnu-gcc -D_GNU_SOURCE -Wall -Wextra -O2 -shared -fPIC tests/platforms/termios2.c -o build/termios2.so
     say "arm64: building"

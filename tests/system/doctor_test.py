@@ -30,6 +30,13 @@ device = 0
 id = 0x123
 signals = [{name = "R1", start = 0, length = 16, order = "intel", type = "signed"}]
 
+[[link]]
+name = "skin"
+driver = "udp"
+address = "192.168.1.30:5000"
+taxels = 1024
+values = 3
+
 [[sensor]]
 name = "left"
 link = "usb0"
@@ -63,7 +70,7 @@ SOUND = {
     "sys/kernel/realtime": "1\n", CLOCK: "tsc\n", "run/systemd/timesync/synchronized": "",
     f"{CPU}/online": "0-3\n", f"{CPU}/isolated": "2-3\n", f"{CPU}/nohz_full": "2\n", f"{CPU}/cpu0/cpufreq/scaling_governor": "performance\n",
     f"{CPU}/cpu0/cpuidle/state1/latency": "2\n", f"{CPU}/cpu0/cpuidle/state2/latency": "400\n", f"{CPU}/cpu0/cpuidle/state2/disable": "1\n",
-    TIMER: "1\n", "sys/class/net/can0/flags": "0x40041\n", "dev/ttyUSB0": "",
+    TIMER: "1\n", "proc/sys/net/core/rmem_max": "1230800\n", "sys/class/net/can0/flags": "0x40041\n", "dev/ttyUSB0": "",
 }
 # The change (None: file removed), the check that must report it, and its text.
 CASES = [
@@ -88,6 +95,7 @@ CASES = [
     ({TIMER: "16\n"}, "latency_timer", "wrong"),
     ({"sys/class/net/can0/flags": "0x40040\n"}, "device", "wrong"),
     ({"sys/class/net/can0/flags": None}, "device", "wrong"),
+    ({"proc/sys/net/core/rmem_max": "212992\n"}, "socket_buffer", "advice"),
     ({"etc/group": "dialout:x:20:tactiled\n"}, "shm_group", "wrong"),
     ({"etc/passwd": "root:x:0:0::/root:/bin/sh\n"}, "user", "wrong"),
 ]

@@ -6,11 +6,11 @@ namespace {
 
 constexpr std::uint8_t kHead = 0xA5;
 
-class ToyDecoder final : public StreamDecoder {
+class ToyDecoder final : public ByteDecoder {
 public:
-    ToyDecoder(double unit, LinkCounts& counts) : StreamDecoder(counts), unit_(unit) {}
+    ToyDecoder(double unit, LinkCounts& counts) : ByteDecoder(counts), unit_(unit) {}
     void reset() noexcept override {
-        StreamDecoder::reset();
+        ByteDecoder::reset();
         has_head_ = false;
     }
 

@@ -100,6 +100,22 @@ void look_at_interface(const Machine& machine, const std::string& link, const Re
         found.good("device", fmt::format("{}: interface {} is up", link, name));
 }
 
+// Checks a limit of the kernel, such as net.core.rmem_max.
+void look_at_socket_buffer(const Machine& machine, const std::string& link, const Requirement& required, Findings& found) {
+    std::string file = required.name;
+    std::replace(file.begin(), file.end(), '.', '/');
+    const auto limit = machine.number("/proc/sys/" + file);
+    if (!limit) return;
+    if (*limit >= long(required.bytes))
+        found.good("socket_buffer", fmt::format("{}: {} = {} holds 100 ms of frames", link, required.name, *limit));
+    else
+        found.advice(
+            "socket_buffer",
+            fmt::format("{}: {} = {} holds less than 100 ms of frames at 1 kHz, which need {}", link, required.name, *limit,
+                        required.bytes),
+            fmt::format("sysctl -w {0}={1}, and \"{0} = {1}\" in a file of /etc/sysctl.d", required.name, required.bytes));
+}
+
 }  // namespace
 
 void look_at_devices(const Machine& machine, Config& config, const std::string& user_name, Findings& found) {
@@ -111,6 +127,7 @@ void look_at_devices(const Machine& machine, Config& config, const std::string& 
     }
     const auto look = [&](const std::string& what, const Requirement& required) {
         if (required.kind == Requirement::Kind::network_interface) return look_at_interface(machine, what, required, found);
+        if (required.kind == Requirement::Kind::socket_buffer) return look_at_socket_buffer(machine, what, required, found);
         look_at_file(machine, what, required.name, user, found);
         if (required.kind == Requirement::Kind::serial_port) look_at_latency_timer(machine, what, required.name, found);
     };

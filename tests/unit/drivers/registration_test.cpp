@@ -227,6 +227,9 @@ TEST(Registration, ADriverNamesTheDevicesThatItNeeds) {
     EXPECT_EQ(required("can", "interface = 'can1'").name, "can1");
     EXPECT_EQ(required("can", "interface = 'can1'").kind, Kind::network_interface);
     EXPECT_EQ(required("can", "interface = 'can1'").bring_up, "ip link set can1 up type can bitrate 1000000");
+    EXPECT_EQ(required("udp", "address = '10.0.0.2'\ntaxels = 4\nlisten = 5\nclock_ppm = 5\necho = true").kind,
+              Kind::socket_buffer);
+    EXPECT_GE(required("udp", "address = '10.0.0.2'\ntaxels = 1024\nvalues = 3").bytes, 1024u * 3 * 4 * 100);
     for (const char* driver : {"tcp", "replay"}) EXPECT_EQ(Drivers::find(driver)->requirements, nullptr) << driver;
 }
 
