@@ -279,7 +279,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
         setup.serial = number.value_or(0);
     }
     setup.needs_tare = calibration.validation.ends_with(Calibration::kOwnZeros) || !calibration.zero_shift.empty();
-    setup.zero = zero_rates(calibration);
+    setup.zero = zero_rates(patch != nullptr ? patch->with_sd_at_rest(calibration) : calibration);
     node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
     tactiled_sensor& entry = node.plan.sensors.back();
     node.plan.places.push_back(patch != nullptr ? put_array(entry, *patch) : std::vector<float>{});

@@ -78,6 +78,14 @@ Patch::Patch(const CalibrationData& data, std::string& fault)
     }
 }
 
+Calibration Patch::with_sd_at_rest(const Calibration& calibration) const {
+    Calibration result = calibration;
+    if (result.sd.empty())
+        for (const auto& name : calibration.components)
+            result.sd.push_back(std::sqrt(sums_.variance_at_rest()[component_index(name)]));
+    return result;
+}
+
 Estimate Patch::decouple(const Reading& reading) noexcept {
     Estimate estimate;
     auto& array = *reinterpret_cast<tactiled_array*>(record_.data());

@@ -29,6 +29,9 @@ public:
     [[nodiscard]] TaxelShape shape() const noexcept { return law_.shape(); }
     [[nodiscard]] std::uint32_t components() const noexcept { return law_.components(); }
     [[nodiscard]] const TaxelPlaces& places() const noexcept { return places_; }
+    // Returns the calibration with the standard deviation of the wrench without a load as its sd, unless it states one.
+    // setup
+    [[nodiscard]] Calibration with_sd_at_rest(const Calibration& calibration) const;
     // setup
     void set_counts_per_unit(double counts) noexcept { law_.set_counts_per_unit(counts); }
     // Frames after which a taxel that repeats its values is dead; 0 = never, -1 = by the calibration. rt: wait-free

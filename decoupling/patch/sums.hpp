@@ -41,6 +41,7 @@ public:
     void add(const TaxelForces& forces, const std::vector<TaxelOut>& out) noexcept;
     [[nodiscard]] const Wrench& wrench() const noexcept { return wrench_; }
     [[nodiscard]] const Wrench& variance() const noexcept { return variance_; }
+    [[nodiscard]] const Wrench& variance_at_rest() const noexcept { return of_noise_; }
 
 private:
     const TaxelPlaces& places_;

@@ -20,8 +20,9 @@ namespace tactiled::ctl {
 namespace {
 
 // The loads that the channels of the sensor cannot show. `delay_s`: the known one of each channel.
-std::vector<std::string> undetected_loads(const SensorSettings& sensor, const std::vector<double>& delay_s) {
+std::vector<std::string> undetected_loads(const SensorSettings& sensor, bool is_array, const std::vector<double>& delay_s) {
     std::vector<std::string> loads;
+    if (is_array) loads.emplace_back("a weak taxel, or a load on nothing but a dead one");
     const double measured_ms = 1e3 * measured_over_s(delay_s);
     if (measured_ms > sensor.stale_ms)
         loads.push_back(fmt::format(
@@ -31,7 +32,7 @@ std::vector<std::string> undetected_loads(const SensorSettings& sensor, const st
     const Calibration calibration = load_calibration(sensor.calibration, none);
     // Two unknowns are the place of the press.
     const std::size_t n = calibration.channels.size(), unknowns = calibration.components.size() + 2;
-    if (n > 0 && n <= unknowns)
+    if (!is_array && n > 0 && n <= unknowns)
         loads.push_back(fmt::format("a press beside the places of the calibration ({} channels, {} unknowns)", n, unknowns));
     return loads;
 }
@@ -86,17 +87,21 @@ int check(const Args& args) {
                     "warning: sensor \"{}\": tares and weights are refused, because its age is not proved\n"
                     "    -> accept_unproved_age = true  # or send a counter (sequence = true) or the time\n",
                     sensor.name);
-            std::vector<std::string> missed = undetected_loads(sensor, node.sensors[binding.sensor].delay_s());
+            const bool is_array = node.sensors[binding.sensor].patch() != nullptr;
+            std::vector<std::string> missed = undetected_loads(sensor, is_array, node.sensors[binding.sensor].delay_s());
             if (const std::string delays = doctor::undetected_delays(*link->driver); !delays.empty())
                 missed.insert(missed.begin(), delays);
             if (!missed.empty()) fmt::print("sensor \"{}\": not detected: {}\n", sensor.name, fmt::join(missed, "; "));
         }
-    for (const auto& sensor : node.config.sensors) {
+    for (std::size_t i = 0; i < node.sensors.size(); ++i) {
+        const SensorSettings& sensor = node.config.sensors[i];
+        const Patch* const patch = node.sensors[i].patch();
         Problems none;
-        const Calibration calibration = load_calibration(sensor.calibration, none);
+        const Calibration stated = load_calibration(sensor.calibration, none);
+        const Calibration calibration = patch != nullptr ? patch->with_sd_at_rest(stated) : stated;
         if (const std::string age = age_of_zero(calibration); !age.empty())
             fmt::print("sensor \"{}\": zero: {}\n", sensor.name, age);
-        if (calibration.channels.size() > 1 && calibration.joint_domain.limit == 0)
+        if (patch == nullptr && calibration.channels.size() > 1 && calibration.joint_domain.limit == 0)
             fmt::print(
                 "warning: sensor \"{}\": {} has no joint domain: a channel that is damaged and stays within "
                 "its range can look GOOD; calibrate again\n",

@@ -136,7 +136,7 @@ void look_at_sensor(const Node& node, std::size_t i, Findings& found) {
     if (const std::string which = channels_that_may_freeze(s, noisy); !which.empty())
         advise("frozen", which + " repeats one number for ever counts as good",
                "frozen_after = 100  # many times the repeats of a recording at rest");
-    else if (s.frozen_after < 0 && !noisy && calibration.repeats.readings.empty())
+    else if (s.frozen_after < 0 && !noisy && calibration.repeats.readings.empty() && entry.n_taxels == 0)
         advise("frozen", "a channel that repeats one number for 10 s counts as dead: a coarse sensor at rest does so, too",
                "frozen_after = 0  # for a coarse sensor; or frozen_after = 1000, many times the repeats of one at rest");
     const double full_N = full_scale_N(entry);
