@@ -220,7 +220,8 @@ void Options::Node::finish() const {
                 unknown.emplace_back(key.source().begin.line, key.str());
     std::sort(unknown.begin(), unknown.end());
     for (std::size_t i = 0; i < std::min(unknown.size(), kMaxUnknownKeys); ++i) {
-        const auto& [at, key] = unknown[i];
+        const std::uint32_t at = unknown[i].first;
+        const std::string& key = unknown[i].second;
         const toml::node& value = *peek(key);
         const std::string what = value.is_table()             ? fmt::format("unknown table [{}]", key)
                                  : value.is_array_of_tables() ? fmt::format("unknown table [[{}]]", key)

@@ -77,6 +77,14 @@ def wire(put):
     put(bytes([9]) + b"31\r\n00aBf\r\n1bf00\n2BF7f\r\n2BF7f\r\n7c012\n80102\n")
 
 
+def array(put):
+    for kind in (2, 3, 10, 18, 26, 250):  # a whole frame of each type, twice, and in two pieces
+        for kind_of_number in range(6):
+            whole = bytes([kind, kind_of_number, 0]) + bytes(1 if kind % 2 else 4) + bytes([1, 0, 4]) + bytes(range(32))
+            put(bytes([3, 0, 2]) + whole * 2)
+    put(bytes([3, 0, 2]) + bytes([3, 1, 0, 5, 1, 0, 2, 1, 2, 3, 1, 0, 5, 1, 2, 2, 3, 4, 1, 0, 0, 7, 1, 2]))
+
+
 def dbc(put):
     put(b"BO_ 256 Tip: 8 X\n SG_ Fx : 0|16@1- (0.01,0) [-10|10] \"N\" X\n SG_ Count : 56|8@1+ (1,0) [0|0] \"\" X\n")
     put(b"BO_ 2147484000 Ext: 64 X\n SG_ S M : 0|8@1+ (1,0)\n SG_ A m0 : 15|16@0- (1,0)\n SG_ B m1 : 8|32@1- (1,0)\nSIG_VALTYPE_ 2147484000 B : 1;\n")
@@ -231,7 +239,7 @@ def config(put):
             b'zero = [0.0]\ncomponents = ["fz"]\nmatrix = [[1.0]]\nsd = [0.01]\nfull_scale = [10.0]\n' % serial.encode())
 
 
-TARGETS = {"wire": wire, "dbc": dbc, "modbus": modbus, "mcap": mcap, "config": config, "scene": tomls("config/scenes"), "decouple": decouple, "csv": csv,
+TARGETS = {"wire": wire, "array": array, "dbc": dbc, "modbus": modbus, "mcap": mcap, "config": config, "scene": tomls("config/scenes"), "decouple": decouple, "csv": csv,
            "address": address, "can": blocks(1, 8, 60), "isotp": isotp, "i2c": blocks(2, 16, 80), "registers": registers, "clocks": blocks(4, 8, 60),
            "shm": shm, "server": server, "rtu": rtu, "controls": controls, "http": http}
 

@@ -130,10 +130,10 @@ TEST(Registration, AToyFormatIsReadOverAPty) {
 TEST(Registration, AMisspeltFormatIsAnErrorThatListsThoseOfTheLink) {
     EXPECT_EQ(problems_of("uart", "device = \"/dev/null\"\nformat = \"cosb\""),
               Lines{"test.toml:2: format = \"cosb\" is unknown; did you mean \"cobs\"? known: \"adc\", \"cobs\", \"ft300\", "
-                    "\"hex\", \"lines\", \"toy\""});
+                    "\"hex\", \"lines\", \"orca\", \"toy\""});
     EXPECT_EQ(problems_of("uart", "device = \"/dev/null\"\nformat = \"kms40\""),
               Lines{"test.toml:2: format = \"kms40\" is unknown; known: \"adc\", \"cobs\", \"ft300\", \"hex\", \"lines\", "
-                    "\"toy\""});
+                    "\"orca\", \"toy\""});
     EXPECT_EQ(problems_of("tcp", "address = \"127.0.0.1\"\nformat = \"toi\""),
               Lines{"test.toml:2: format = \"toi\" is unknown; known: \"adc\", \"cobs\", \"hex\", \"kms40\", \"lines\""});
 }
