@@ -4,10 +4,10 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 
 #include "decoupling/fit/fit.hpp"
+#include "tests/bench/recording.hpp"
 #include "tests/bench/running.hpp"
 
 namespace tactiled {
@@ -47,17 +47,12 @@ void run() {
     const std::string data = TACTILED_SOURCE_DIR "/tests/data/";
     const std::filesystem::path folder = std::filesystem::temp_directory_path() / fmt::format("recorded.{}", getpid());
     std::filesystem::create_directory(folder);
-    const auto unpacked = [&](const std::string& name) {
-        const std::string path = folder / "unpacked.csv";
-        if (std::system(fmt::format("xz -dc {}{}.csv.xz > {}", data, name, path).c_str()) != 0)
-            throw SetupError(name + ": xz failed");
-        return path;
-    };
+    const auto packed = [&](const char* name) { return read_labelled(unpacked(name, folder / "unpacked.csv"), {}); };
     const auto session = [&](const char* name) {
         return read_labelled(data + "eflesh/normal_labelled.csv", {.sessions = {name}, .channels = {}});
     };
-    Labelled train = read_labelled(unpacked("tongs/train_labelled"), {});
-    Labelled shear = read_labelled(unpacked("eflesh/shear_labelled"), {}), later = shear;
+    Labelled train = packed("tongs/train_labelled");
+    Labelled shear = packed("eflesh/shear_labelled"), later = shear;
     shear.rows.resize(shear.rows.size() / 2);
     later.rows.erase(later.rows.begin(), later.rows.begin() + std::ptrdiff_t(shear.rows.size()));
     Shares all;
@@ -71,7 +66,7 @@ void run() {
     print("skin, session 1", judge(folder, session("2"), session("1")));
     print("skin, session 2", judge(folder, session("1"), session("2")));
     print("skin, shear", judge(folder, shear, later));
-    print("tongs", judge(folder, train, read_labelled(unpacked("tongs/test_labelled"), {})));
+    print("tongs", judge(folder, train, packed("tongs/test_labelled")));
     print("all", Shares(all));
     std::filesystem::remove_all(folder);
 }
