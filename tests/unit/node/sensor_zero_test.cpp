@@ -142,6 +142,19 @@ TEST(SensorZero, TheSameForceIsTheSameWithinOneSdAndTheNoise) {
     EXPECT_EQ(other.send(-15 + 1.5 * Through::kSd_N).reasons, kUnknown);
 }
 
+// The force moves by 2 sd in each sample until the device starts again.
+TEST(SensorZero, AMotionMayGoOnOrEndInARestart) {
+    constexpr double kStep_N = 2 * Through::kSd_N;
+    for (const double steps : {-1.0, 0.0, 0.5, 1.0, 2.0}) {
+        Watched watched(true);
+        double fz_N = -15;
+        for (int i = 0; i < 100; ++i) (void)watched.send(fz_N += kStep_N, 1);
+        watched.wait(20, false);
+        const unsigned expected = steps >= 0 && steps <= 1 ? 0 : kUnknown;
+        EXPECT_EQ(watched.send(fz_N + steps * kStep_N).reasons, expected) << steps << " steps";
+    }
+}
+
 TEST(SensorZero, TheLastForceOfARunIsTheLastConfirmedOne) {
     Watched watched(true);
     ASSERT_TRUE(watched.sensor().last_force());
