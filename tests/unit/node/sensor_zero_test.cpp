@@ -103,6 +103,30 @@ TEST(SensorZero, AReloadKeepsWhatMayHaveHappened) {
     EXPECT_TRUE(fresh.doubts_zero());
 }
 
+// The device starts again while the sensor is exchanged.
+TEST(SensorZero, AReloadKeepsTheNumberOfTheDevice) {
+    Watched watched(true);
+    Sensor fresh = Watched::made(true);
+    fresh.succeed(watched.sensor());
+    std::swap(watched.sensor(), fresh);
+    watched.wait(300, false);
+    (void)watched.send(-11);
+    EXPECT_TRUE(watched.sensor().doubts_zero());
+}
+
+TEST(SensorZero, AReloadKeepsTheStepsOfRestarts) {
+    Watched watched(true);
+    for (int i = 0; i < 20; ++i) {
+        watched.wait(300, false);
+        (void)watched.send(-15, 20);
+    }
+    Sensor fresh = Watched::made(true);
+    fresh.succeed(watched.sensor());
+    std::swap(watched.sensor(), fresh);
+    (void)watched.send(-15);
+    EXPECT_GT(watched.sensor().last_force()->stepped[2], 0.1);
+}
+
 // Each restart may have moved the zero by as much as the force may differ.
 TEST(SensorZero, RestartsWithTheSameForceAgeTheZero) {
     Watched watched(true);
