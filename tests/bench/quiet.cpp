@@ -12,6 +12,7 @@
 #include <array>
 #include <cmath>
 #include <cstdlib>
+#include <exception>
 #include <filesystem>
 #include <functional>
 #include <random>
@@ -146,7 +147,7 @@ void run() {
 }  // namespace tactiled
 
 // The check of a frame with six channels, for instruction counts by valgrind.
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
     if (argc < 3 || std::string_view(argv[1]) != "--count") return tactiled::run(), 0;
     tactiled::Tuning tuning;
     tuning.least_noise_of.fill(1);
@@ -159,4 +160,7 @@ int main(int argc, char** argv) {
         if (argc == 3) quiet += check.judge(raw, 0x3F, i * 1'000'000, tuning) ? 1 : 0;
     }
     return quiet != 0 || raw[0] > 7;
+} catch (const std::exception& error) {
+    fmt::print(stderr, "quiet: {}\n", error.what());
+    return 1;
 }
