@@ -27,8 +27,8 @@ public:
         if (begun_ns_ == 0) begun_ns_ = t_ns;
         if (rate_Hz > 0)
             rate_Hz_ = rate_Hz;
-        else if (frames_ < kSteps && (frames_ += 1) == kSteps)  // until it is measured
-            rate_Hz_ = kSteps * 1e9 / double(t_ns - begun_ns_);
+        else if (frames_ < kFirst && (frames_ += 1) == kFirst)  // until it is measured
+            rate_Hz_ = kFirst * 1e9 / double(t_ns - begun_ns_);
         const unsigned bits = std::min(width_.of(frame.sequence), unsigned{frame.sequence_bits});
         const bool was_missing = has_all && missing_ns_ != 0 && t_ns > missing_ns_ + gap_ns;
         if (has_all || missing_ns_ == 0) missing_ns_ = has_all ? 0 : t_ns;
@@ -41,8 +41,8 @@ public:
             const std::uint32_t mask = bits >= 32 ? ~0u : (1u << bits) - 1;
             const std::uint32_t ahead = (frame.sequence - before.sequence) & mask;
             const double possible = kFaster * step_ * rate_Hz_ * (passed_s + kBurst_s);
-            if (possible < mask / 2 && (ahead == 0 || ahead > possible)) return false;  // not with NaN
-            is_proved_ = possible < mask / kChance;
+            if (possible < double(mask) / 2 && (ahead == 0 || ahead > possible)) return false;  // not with NaN
+            is_proved_ = possible < double(mask) / kChance;
             if (ahead <= mask / 2) step_ = std::isnan(step_) ? ahead : step_ + (ahead - step_) / kSteps;
         }
         if (frame.device_time_us != 0 && before.device_time_us != 0) {
@@ -58,11 +58,12 @@ public:
     [[nodiscard]] bool has_proof() const noexcept { return is_proved_; }
 
 private:
-    static constexpr double kBurst_s = 1;         // frames that waited come faster, for so long
-    static constexpr double kHeld_s = 10;         // frames may be held for so long, or what was held may be discarded
-    static constexpr double kFaster = 2;          // the rate may change by this factor
-    static constexpr std::uint32_t kChance = 16;  // a number of another count proves by chance once in so many times
-    static constexpr double kSteps = 16;          // frames of the mean step of a counter, and of the first rate
+    static constexpr double kBurst_s = 1;  // frames that waited come faster, for so long
+    static constexpr double kHeld_s = 10;  // frames may be held for so long, or what was held may be discarded
+    static constexpr double kFaster = 2;   // the rate may change by this factor
+    static constexpr double kChance = 16;  // a number of another count proves by chance once in so many times
+    static constexpr double kSteps = 16;   // frames of the mean step of a counter
+    static constexpr double kFirst = 16;   // frames of the first rate
 
     struct Known {
         std::uint64_t t_ns = 0, device_time_us = 0;

@@ -56,13 +56,14 @@ public:
         }
         return last;
     }
-    // Returns true if the next sample, before confirm(), goes on from the marked motion in all components that are checked.
-    // rt: wait-free
+    // Returns true if the next sample, before confirm(), goes on from the marked motion in all components that are checked,
+    // or from where the motion has ended on its way. rt: wait-free
     [[nodiscard]] bool agrees(const Wrench& wrench_S, std::uint32_t lost) const noexcept {
         const std::uint32_t steps = std::min(steps_ + 1 + std::min(lost, kMaxSteps), kMaxSteps);
         bool is_known = false;
         for (std::size_t i = 0; i < value_.size(); ++i) {
-            const double difference = std::abs(wrench_S[i] - marked_.raw_S[i] - steps * marked_step_[i]);
+            const double moved = wrench_S[i] - marked_.raw_S[i], motion = steps * marked_step_[i];
+            const double difference = std::abs(moved - std::clamp(moved, std::min(motion, 0.0), std::max(motion, 0.0)));
             if (difference > marked_.tolerance[i]) return false;  // not with NaN
             is_known |= difference <= marked_.tolerance[i];
         }

@@ -9,8 +9,7 @@
 //   moved    K Y, by which free rests have moved the zero since the tare; all of it may be a load that grows slowly
 //   stepped  the sum of what the device may have moved at each restart since then, without a difference that was seen
 //   doubted  the force of the last free rest if it is more than the sensor's own standard deviation: a light load, or a
-//   drift
-//            that goes on as fast as since the zero was known, or in a minute
+//            drift that goes on as fast as since the zero was known, or in a minute
 //   shift    zero_shift of the calibration, until the first tare of one whose sessions had zeros of their own
 //
 // The mean Y of a free rest, relative to the tare, is a drift with the variance P = (rate time since the tare)^2 + (stepped

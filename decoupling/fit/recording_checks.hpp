@@ -1,4 +1,4 @@
-// What a labelled recording shows before the fit: mistakes, the repetition of numbers, the effect of temperature on the
+// Findings in a labelled recording before the fit: mistakes, the repetition of numbers, the effect of temperature on the
 // channels, and their zeros in each session.
 #pragma once
 #include <string>

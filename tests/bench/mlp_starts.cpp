@@ -16,6 +16,7 @@
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/validate.hpp"
 #include "decoupling/solve/domain.hpp"
+#include "tests/bench/recording.hpp"
 
 namespace {
 
@@ -59,9 +60,7 @@ Labelled read_set(const std::string& name, const std::string& scratch) {
     if (name == "skin1") return read_labelled(data + "eflesh/normal_labelled.csv", {.sessions = {"1"}, .channels = {}});
     if (name == "skin2") return read_labelled(data + "eflesh/normal_labelled.csv", {.sessions = {"2"}, .channels = {}});
     if (name != "shear" && name != "tongs") throw SetupError(name + ": no set; skin1 skin2 shear tongs six are");
-    const std::string packed = data + (name == "shear" ? "eflesh/shear" : "tongs/train") + "_labelled.csv.xz";
-    if (std::system(fmt::format("xz -dc {} > {}", packed, scratch).c_str()) != 0) throw SetupError(packed + ": xz failed");
-    return read_labelled(scratch, {});
+    return read_labelled(unpacked(name == "shear" ? "eflesh/shear_labelled" : "tongs/train_labelled", scratch), {});
 }
 
 void run(const std::string& set, int seeds, std::size_t max_rows, const std::string& scratch) {

@@ -10,61 +10,25 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstdlib>
+#include <exception>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <random>
 #include <string_view>
 #include <vector>
 
-#include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/recording_checks.hpp"
 #include "node/quiet_check.hpp"
-#include "tests/bench/running.hpp"
+#include "tests/bench/made_device.hpp"
+#include "tests/bench/recording.hpp"
 
 namespace tactiled {
 namespace {
 
-constexpr double kFullScale_N = 10, kNoise = 8, kWidth = 16'000, kRate_Hz = 100;  // counts
 constexpr int kSensors = 40;
-constexpr auto kPeriod_ns = std::uint64_t(1e9 / kRate_Hz);
-using Force = std::array<double, 3>;
 
-// Words of float32 numbers, as a device has them in its registers: the high word first.
-std::vector<std::uint16_t> words_of(const Numbers& numbers) {
-    std::vector<std::uint16_t> words;
-    for (const double x : numbers) {
-        const auto bits = std::bit_cast<std::uint32_t>(float(x));
-        words.push_back(std::uint16_t(bits >> 16));
-        words.push_back(std::uint16_t(bits));
-    }
-    return words;
-}
-double float_of(std::uint16_t high, std::uint16_t low) {
-    return double(std::bit_cast<float>(std::uint32_t(high) << 16 | low));
-}
-
-struct Change {
-    const char* name;
-    std::function<Numbers(const Numbers&)> read;
-};
-Change scaled(const char* name, double factor, bool rounds) {
-    return {name, [=](Numbers numbers) {
-                for (double& x : numbers) x = rounds ? std::round(x * factor) : x * factor;
-                return numbers;
-            }};
-}
-Change of_words(const char* name, const std::function<double(const std::vector<std::uint16_t>&, std::size_t)>& number) {
-    return {name, [=](Numbers numbers) {
-                auto words = words_of(numbers);
-                words.resize(words.size() + 4 * numbers.size());
-                for (std::size_t k = 0; k < numbers.size(); ++k) numbers[k] = number(words, k);
-                return numbers;
-            }};
-}
 const std::vector<Change> kChanges = {
     scaled("16 bits become 12", 1. / 16, true),
     scaled("12 bits become 16", 16, true),
@@ -83,58 +47,8 @@ const std::vector<Change> kChanges = {
     scaled("gain 10 % larger", 1.1, false),
 };
 
-// Channels with random gains and zeros, and noise.
-class Made {
-public:
-    explicit Made(int number) : random_(unsigned(number)) {
-        static constexpr std::size_t kChannels[] = {3, 6, 8, 15};
-        gain_.resize(kChannels[std::size_t(number) % 4]);
-        for (auto& row : gain_)
-            for (double& x : row) x = normal_(random_) * kWidth / kFullScale_N / 2;
-        const double zero = number < kSensors / 2 ? kWidth / 4 : 0;  // at 0, a scale does not show without a load
-        for (std::size_t k = 0; k < gain_.size(); ++k) zero_.push_back(zero * normal_(random_));
-    }
-    Numbers read(const Force& force) {
-        Numbers numbers;
-        for (std::size_t k = 0; k < gain_.size(); ++k) {
-            double x = zero_[k] + kNoise * normal_(random_);
-            for (std::size_t c = 0; c < 3; ++c) x += gain_[k][c] * force[c];
-            numbers.push_back(std::round(x));
-        }
-        return numbers;
-    }
-    Force load() {
-        std::uniform_real_distribution<double> uniform(-0.8, 0.8);
-        return {kFullScale_N * uniform(random_), kFullScale_N * uniform(random_), kFullScale_N * uniform(random_)};
-    }
-    // 60 loads of half a second, and a rest after each.
-    Calibration calibrate() {
-        Labelled labelled{.name = "made.csv", .channels = {}, .sessions = {"1"}, .rows = {}};
-        for (std::size_t k = 0; k < gain_.size(); ++k) labelled.channels.push_back(fmt::format("c{}", k + 1));
-        for (int held = 0; held < 120; ++held) {
-            const Force force = held % 2 == 0 ? Force{} : load();
-            for (int i = 0; i < int(kRate_Hz / 2); ++i) {
-                const std::size_t n = labelled.rows.size() + 1;
-                labelled.rows.push_back({.line = std::int64_t(n) + 1,
-                                         .channel = read(force),
-                                         .wrench_S = {force[0], force[1], force[2], kNaN, kNaN, kNaN},
-                                         .session = 0,
-                                         .t_ns = std::uint64_t(double(n) * 1e9 / kRate_Hz)});
-            }
-        }
-        FitRequest request;
-        request.model = "generic";
-        request.method = "matrix";
-        request.date = "2026-01-01";
-        return fit(labelled, request).calibration;
-    }
-
-private:
-    std::mt19937_64 random_;
-    std::normal_distribution<double> normal_;
-    std::vector<Force> gain_;
-    Numbers zero_;
-};
+// At 0, a scale does not show without a load.
+Made made_device(int number) { return {number, number < kSensors / 2}; }
 
 struct Count {
     int wrong = 0, samples = 0;
@@ -168,14 +82,13 @@ Count changed(const std::filesystem::path& folder, Made made, const Calibration&
 // with a sixteenth of its numbers.
 void run_skin(const std::filesystem::path& folder) {
     constexpr double kPart = 0.7;  // a shorter one has fewer than 200 readings of held loads
-    const std::string packed = TACTILED_SOURCE_DIR "/tests/data/eflesh/shear_labelled.csv.xz", file = folder / "shear.csv";
-    if (std::system(fmt::format("xz -dc {} > {}", packed, file).c_str()) != 0) throw SetupError(packed + ": xz failed");
-    const Labelled skin = read_labelled(file, {});
+    const std::string name = "eflesh/shear_labelled";
+    const Labelled skin = read_labelled(unpacked(name, folder / "shear.csv"), {});
     Rows calibrated, other;
     for (const auto& row : skin.rows)
         (double(calibrated.size()) < kPart * double(skin.rows.size()) ? calibrated : other).push_back(&row);
     const Repeats repeats = repeats_of(calibrated);
-    if (repeats.noise.empty()) throw SetupError(packed + ": has no rests");
+    if (repeats.noise.empty()) throw SetupError(name + ": has no rests");
     Tuning tuning;
     tuning.noise_interval_ns = std::uint64_t(repeats.interval_s * 1e9);
     for (std::size_t k = 0; k < repeats.noise.size(); ++k)
@@ -199,14 +112,15 @@ void run() {
     const std::filesystem::path folder = std::filesystem::temp_directory_path() / fmt::format("quiet.{}", getpid());
     std::filesystem::create_directory(folder);
     std::vector<Calibration> calibrations;
-    for (int number = 0; number < kSensors; ++number) calibrations.push_back(Made(number).calibrate());
+    for (int number = 0; number < kSensors; ++number) calibrations.push_back(made_device(number).calibrate());
     for (const Change& change : kChanges)
         for (const bool is_seen : {true, false}) {
             Count count, before;
             for (int number = 0; number < kSensors; ++number) {
                 const Calibration& calibration = calibrations[std::size_t(number)];
-                const Count one = changed(folder, Made(number), calibration, change, is_seen, "");
-                const Count other = changed(folder, Made(number), calibration, change, is_seen, "accept_too_quiet = true\n");
+                const Count one = changed(folder, made_device(number), calibration, change, is_seen, "");
+                const Count other =
+                    changed(folder, made_device(number), calibration, change, is_seen, "accept_too_quiet = true\n");
                 count = {count.wrong + one.wrong, count.samples + one.samples, std::max(count.last_s, one.last_s)};
                 before = {before.wrong + other.wrong, before.samples + other.samples, 0};
             }
@@ -217,7 +131,7 @@ void run() {
     run_skin(folder);
     int alarms = 0, samples = 0;
     for (int number = 0; number < kSensors; ++number) {
-        Made made(number);
+        Made made = made_device(number);
         Running running(folder, calibrations[std::size_t(number)], "");
         Force force{};
         for (int i = 0; i < int(100 * 3600 * kRate_Hz / kSensors); ++i, ++samples) {
@@ -233,7 +147,7 @@ void run() {
 }  // namespace tactiled
 
 // The check of a frame with six channels, for instruction counts by valgrind.
-int main(int argc, char** argv) {
+int main(int argc, char** argv) try {
     if (argc < 3 || std::string_view(argv[1]) != "--count") return tactiled::run(), 0;
     tactiled::Tuning tuning;
     tuning.least_noise_of.fill(1);
@@ -246,4 +160,7 @@ int main(int argc, char** argv) {
         if (argc == 3) quiet += check.judge(raw, 0x3F, i * 1'000'000, tuning) ? 1 : 0;
     }
     return quiet != 0 || raw[0] > 7;
+} catch (const std::exception& error) {
+    fmt::print(stderr, "quiet: {}\n", error.what());
+    return 1;
 }

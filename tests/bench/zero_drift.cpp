@@ -1,8 +1,10 @@
 // Zeros that drift: calibrate sees a recording with this drift, then the sensor is tared and measures for an hour. Prints
 // the share of GOOD samples that are off by more than 5 sd, in parentheses without the rate of calibrate, and the share of
-// samples whose zero is old. Then eight hours of picks, and an hour of picks with a drift that the recording does not have.
+// samples whose zero is old. Then eight hours of picks, also by how far the zero has moved at their end, and an hour of
+// picks with a drift that the recording does not have.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <random>
@@ -131,6 +133,23 @@ Count measure(Made made, const Case& of, const Calibration& calibration, bool ag
     return count;
 }
 
+// A zero that has moved by more may be a load of which 10 % of full scale are one standard deviation: it is old.
+constexpr double kFar = 0.3;
+
+// Returns how far the zero moves in this time, in its largest component.
+double moved_N(Made made, const Calibration& calibration, double t_s) {
+    const auto decoupler = make_decoupler(calibration);
+    const auto force_at = [&](double at_s) {
+        decoupler->forget();
+        const auto channel = made.read({}, at_s);
+        return decoupler->decouple({.channel = channel}).wrench_S;
+    };
+    const Wrench begin = force_at(0), end = force_at(t_s);
+    double farthest_N = 0;
+    for (std::size_t c = 0; c < 3; ++c) farthest_N = std::max(farthest_N, std::abs(end[c] - begin[c]));
+    return farthest_N;
+}
+
 double percent(std::size_t part, std::size_t of) { return of == 0 ? 0 : 100.0 * double(part) / double(of); }
 
 Calibration calibrated(Made& made, int number) {
@@ -139,6 +158,33 @@ Calibration calibrated(Made& made, int number) {
     request.method = number % 8 < 4 ? "matrix" : "quadratic";
     request.date = "2026-01-01";
     return fit(made.recording(), request).calibration;
+}
+
+void print(const std::string& what, const Count& now, const Count& before) {
+    fmt::print("{}: {:.3f} % of GOOD beyond 5 sd ({:.1f} %), {:.1f} % old\n", what, percent(now.wrong, now.good),
+               percent(before.wrong, before.good), percent(now.old, now.samples));
+    std::fflush(stdout);
+}
+
+void run_day() {
+    Count day, day_before;
+    std::array<Count, 2> by_distance;  // near, far
+    std::array<int, 2> sensors{};
+    const Case picks{"picks", 1e-4, 0, Use::picks, 0};
+    for (int number = 0; number < kSensors; ++number) {
+        Made made(number, picks);
+        const Calibration calibration = calibrated(made, number);
+        const Count one = measure(made, picks, calibration, true, 8);
+        const bool is_far = moved_N(made, calibration, 8 * kHour_s) > kFar * kFullScale_N;
+        day.add(one);
+        by_distance[is_far].add(one);
+        ++sensors[is_far];
+        day_before.add(measure(made, picks, calibration, false, 8));
+    }
+    print("eight hours of picks, drift 0.01 %/min", day, day_before);
+    for (const bool is_far : {false, true})
+        fmt::print("of these {} sensors whose zero moves by {} than 30 % of full scale: {:.3f} % old\n", sensors[is_far],
+                   is_far ? "more" : "less", percent(by_distance[is_far].old, by_distance[is_far].samples));
 }
 
 int run() {
@@ -152,11 +198,6 @@ int run() {
         for (const double warm_up : {0.01, 0.03, 0.1}) cases.push_back({name, 0, warm_up, use, load});
     }
     Count all, all_before;
-    const auto print = [](const std::string& what, const Count& now, const Count& before) {
-        fmt::print("{}: {:.3f} % of GOOD beyond 5 sd ({:.1f} %), {:.1f} % old\n", what, percent(now.wrong, now.good),
-                   percent(before.wrong, before.good), percent(now.old, now.samples));
-        std::fflush(stdout);
-    };
     for (const Case& of : cases) {
         Count count, before;
         for (int number = 0; number < kSensors; ++number) {
@@ -172,15 +213,7 @@ int run() {
               count, before);
     }
     print("all", all, all_before);
-    Count day, day_before;
-    const Case picks{"picks", 1e-4, 0, Use::picks, 0};
-    for (int number = 0; number < kSensors; ++number) {
-        Made made(number, picks);
-        const Calibration calibration = calibrated(made, number);
-        day.add(measure(made, picks, calibration, true, 8));
-        day_before.add(measure(made, picks, calibration, false, 8));
-    }
-    print("eight hours of picks, drift 0.01 %/min", day, day_before);
+    run_day();
     for (const double per_min : {1e-4, 1e-3, 5e-3}) {
         Count unseen, unseen_before;
         const Case drifting{"picks", per_min, 0, Use::picks, 0};

@@ -103,6 +103,30 @@ TEST(SensorZero, AReloadKeepsWhatMayHaveHappened) {
     EXPECT_TRUE(fresh.doubts_zero());
 }
 
+// The device starts again while the sensor is exchanged.
+TEST(SensorZero, AReloadKeepsTheNumberOfTheDevice) {
+    Watched watched(true);
+    Sensor fresh = Watched::made(true);
+    fresh.succeed(watched.sensor());
+    std::swap(watched.sensor(), fresh);
+    watched.wait(300, false);
+    (void)watched.send(-11);
+    EXPECT_TRUE(watched.sensor().doubts_zero());
+}
+
+TEST(SensorZero, AReloadKeepsTheStepsOfRestarts) {
+    Watched watched(true);
+    for (int i = 0; i < 20; ++i) {
+        watched.wait(300, false);
+        (void)watched.send(-15, 20);
+    }
+    Sensor fresh = Watched::made(true);
+    fresh.succeed(watched.sensor());
+    std::swap(watched.sensor(), fresh);
+    (void)watched.send(-15);
+    EXPECT_GT(watched.sensor().last_force()->stepped[2], 0.1);
+}
+
 // Each restart may have moved the zero by as much as the force may differ.
 TEST(SensorZero, RestartsWithTheSameForceAgeTheZero) {
     Watched watched(true);
@@ -140,6 +164,19 @@ TEST(SensorZero, TheSameForceIsTheSameWithinOneSdAndTheNoise) {
     EXPECT_EQ(same.send(-15 + 0.9 * Through::kSd_N).quality, unsigned(TACTILED_GOOD));
     other.wait(300, false);
     EXPECT_EQ(other.send(-15 + 1.5 * Through::kSd_N).reasons, kUnknown);
+}
+
+// The force moves by 2 sd in each sample until the device starts again.
+TEST(SensorZero, AMotionMayGoOnOrEndInARestart) {
+    constexpr double kStep_N = 2 * Through::kSd_N;
+    for (const double steps : {-1.0, 0.0, 0.5, 1.0, 2.0}) {
+        Watched watched(true);
+        double fz_N = -15;
+        for (int i = 0; i < 100; ++i) (void)watched.send(fz_N += kStep_N, 1);
+        watched.wait(20, false);
+        const unsigned expected = steps >= 0 && steps <= 1 ? 0 : kUnknown;
+        EXPECT_EQ(watched.send(fz_N + steps * kStep_N).reasons, expected) << steps << " steps";
+    }
 }
 
 TEST(SensorZero, TheLastForceOfARunIsTheLastConfirmedOne) {
