@@ -58,12 +58,13 @@ public:
     static constexpr unsigned kMax = 32;
 
     // `bytes`: longest datagram. setup
-    explicit Batch(std::size_t bytes) : size_(bytes), bytes_(kMax * bytes) {}
+    explicit Batch(std::size_t bytes) : size_(bytes), bytes_(kMax * bytes) {
+        for (unsigned i = 0; i < kMax; ++i) pieces_[i] = {bytes_.data() + i * size_, size_};
+    }
 
     // Returns the result of recvmmsg. rt: one system call, does not wait
     int receive(int fd) noexcept {
-        for (unsigned i = 0; i < kMax; ++i) {
-            pieces_[i] = {bytes_.data() + i * size_, size_};
+        for (unsigned i = 0; i < used_; ++i) {
             messages_[i] = {};
             messages_[i].msg_hdr.msg_name = &from_[i];
             messages_[i].msg_hdr.msg_namelen = sizeof from_[i];
@@ -72,7 +73,9 @@ public:
             messages_[i].msg_hdr.msg_control = control_[i].bytes;
             messages_[i].msg_hdr.msg_controllen = sizeof control_[i].bytes;
         }
-        return ::recvmmsg(fd, messages_.data(), kMax, MSG_DONTWAIT, nullptr);
+        const int n = ::recvmmsg(fd, messages_.data(), kMax, MSG_DONTWAIT, nullptr);
+        used_ = n < 0 ? kMax : unsigned(n);
+        return n;
     }
     [[nodiscard]] std::span<const std::uint8_t> datagram(unsigned i) const noexcept {
         return {bytes_.data() + i * size_, messages_[i].msg_len};
@@ -100,6 +103,7 @@ private:
         alignas(cmsghdr) char bytes[CMSG_SPACE(sizeof(timespec)) + CMSG_SPACE(sizeof(std::uint32_t))];
     };
     std::size_t size_;
+    unsigned used_ = kMax;  // messages that the kernel has written since they were prepared
     std::vector<std::uint8_t> bytes_;
     std::array<sockaddr_storage, kMax> from_{};
     std::array<Control, kMax> control_{};
@@ -157,6 +161,11 @@ public:
         ready_ = false;
         return true;
     }
+    // Returns the time before which the rest of an open frame is not expected; 0: no frame is open. rt: wait-free
+    [[nodiscard]] std::uint64_t rest_ns() const noexcept {
+        const std::uint64_t since_ns = assembler_.open_since_ns();
+        return since_ns == 0 ? 0 : since_ns + spread_ns_ * 3 / 4;
+    }
     // Drops the datagrams of the last receive(). rt: bounded by Batch::kMax datagrams
     void drop() noexcept {
         for (; at_ < n_; ++at_) {
@@ -205,6 +214,7 @@ private:
         }
         if (taken != ArrayAssembler::Taken::frame) return false;
         ++counts_[TACTILED_LINK_FRAMES];
+        spread_ns_ = std::min(ahead_.slice_ns, spread_ns_ + spread_ns_ / 16 + 1000);
         ahead_.t_ns = t_ns;
         ahead_.taken_ns = read_ns_;
         const std::uint64_t waited_ns = read_ns_ - std::min(t_ns, read_ns_);
@@ -225,6 +235,9 @@ private:
     bool was_drained_ = true;     // by the last batch
     std::uint64_t empty_ns_ = 0;  // time at which the socket had nothing besides the batch
     std::uint64_t read_ns_ = 0;   // time of the last batch
+    // Time between the first and the last piece of a frame: the smallest one, which grows by a sixteenth with each frame, so
+    // that a frame that was held up delays no later one.
+    std::uint64_t spread_ns_ = 0;
     Frame ahead_;
     bool ready_ = false;
 };
@@ -273,6 +286,7 @@ public:
     Status read(Frame& frame, int timeout_ms) noexcept override {
         if (take(frame)) return Status::frame;
         ask_for_echo();
+        if (timeout_ms != 0) leave_rest_together();
         // After a full batch more datagrams are probably there.
         const int ready = wait_.wait(fd_, inbox_->is_full() ? 0 : timeout_ms, [this] { ask_for_echo(); });
         if (ready == 0) return Status::timeout;
@@ -326,6 +340,16 @@ private:
         if (frame.device_time_us != 0) requests_.prove(frame);
         frame_ns_ = frame.t_ns;
         return true;
+    }
+
+    // A wake-up for each piece costs more than its contents, so the thread sleeps while most of the rest of a frame comes.
+    void leave_rest_together() const noexcept {
+        constexpr std::uint64_t kWorthNs = 5'000;  // less than a wake-up costs
+        constexpr std::uint64_t kMaxNs = SlicedWait::kSliceMs * 1'000'000;
+        const std::uint64_t now = now_ns(), until_ns = std::min(inbox_->rest_ns(), now + kMaxNs);
+        if (until_ns < now + kWorthNs) return;
+        const timespec until{time_t(until_ns / 1'000'000'000), long(until_ns % 1'000'000'000)};
+        ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr);
     }
 
     // Asks the device for its time when that is due. A request that cannot be sent is lost.
