@@ -81,7 +81,7 @@ TEST_F(Simulated, AMisspeltDriverIsAnErrorThatListsAll) {
     ASSERT_EQ(lines_.size(), 1u);
     EXPECT_EQ(lines_[0],
               "t.toml:5: link \"usb0\": driver = \"uert\" is unknown; did you mean \"uart\"? known: \"can\", \"i2c\", "
-              "\"modbus\", \"ramp\", \"replay\", \"sim\", \"tcp\", \"toy\", \"uart\"");
+              "\"modbus\", \"ramp\", \"replay\", \"sim\", \"tcp\", \"toy\", \"uart\", \"udp\"");
 }
 
 TEST_F(Simulated, AMisspeltFormatIsTheOnlyError) {
