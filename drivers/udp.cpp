@@ -7,7 +7,6 @@
 #include <sys/socket.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cstring>
 #include <memory>
@@ -17,6 +16,7 @@
 #include "drivers/driver.hpp"
 #include "drivers/sliced_wait.hpp"
 #include "drivers/tcp.hpp"
+#include "drivers/udp_batch.hpp"
 #include "drivers/wire/array_frame.hpp"
 #include "drivers/wire/clock_fit.hpp"
 #include "drivers/wire/echo_requests.hpp"
@@ -33,11 +33,6 @@ std::size_t buffer_bytes(TaxelShape shape) noexcept {
     return std::max(kMinBuffer, kBufferedFrames * (kArrayHeader + shape.size() * sizeof(float)));
 }
 
-template <class T>  // timespec, or the kernel's structure of the same meaning
-std::uint64_t ns_of(const T& t) noexcept {
-    return std::uint64_t(t.tv_sec) * 1'000'000'000u + std::uint64_t(t.tv_nsec);
-}
-
 unsigned port_of(const sockaddr_storage& address) noexcept {
     return ::ntohs(address.ss_family == AF_INET6 ? reinterpret_cast<const sockaddr_in6&>(address).sin6_port
                                                  : reinterpret_cast<const sockaddr_in&>(address).sin_port);
@@ -51,65 +46,6 @@ bool is_same(const sockaddr_storage& a, const sockaddr_storage& b) noexcept {
     return std::memcmp(&reinterpret_cast<const sockaddr_in6&>(a).sin6_addr,
                        &reinterpret_cast<const sockaddr_in6&>(b).sin6_addr, sizeof(in6_addr)) == 0;
 }
-
-// The datagrams of one recvmmsg call, in preallocated memory.
-class Batch {
-public:
-    static constexpr unsigned kMax = 32;
-
-    // `bytes`: longest datagram. setup
-    explicit Batch(std::size_t bytes) : size_(bytes), bytes_(kMax * bytes) {
-        for (unsigned i = 0; i < kMax; ++i) pieces_[i] = {bytes_.data() + i * size_, size_};
-    }
-
-    // Returns the result of recvmmsg. rt: one system call, does not wait
-    int receive(int fd) noexcept {
-        for (unsigned i = 0; i < used_; ++i) {
-            messages_[i] = {};
-            messages_[i].msg_hdr.msg_name = &from_[i];
-            messages_[i].msg_hdr.msg_namelen = sizeof from_[i];
-            messages_[i].msg_hdr.msg_iov = &pieces_[i];
-            messages_[i].msg_hdr.msg_iovlen = 1;
-            messages_[i].msg_hdr.msg_control = control_[i].bytes;
-            messages_[i].msg_hdr.msg_controllen = sizeof control_[i].bytes;
-        }
-        const int n = ::recvmmsg(fd, messages_.data(), kMax, MSG_DONTWAIT, nullptr);
-        used_ = n < 0 ? kMax : unsigned(n);
-        return n;
-    }
-    [[nodiscard]] std::span<const std::uint8_t> datagram(unsigned i) const noexcept {
-        return {bytes_.data() + i * size_, messages_[i].msg_len};
-    }
-    [[nodiscard]] const sockaddr_storage& from(unsigned i) const noexcept { return from_[i]; }
-    [[nodiscard]] bool is_cut(unsigned i) const noexcept { return (messages_[i].msg_hdr.msg_flags & MSG_TRUNC) != 0; }
-    // Returns the time of arrival on CLOCK_REALTIME. `overflows` keeps its value if the kernel reports none.
-    std::uint64_t timestamp_ns(unsigned i, std::uint32_t& overflows) noexcept {
-        std::uint64_t timestamp_ns = 0;
-        msghdr* const head = &messages_[i].msg_hdr;
-        for (cmsghdr* c = CMSG_FIRSTHDR(head); c != nullptr; c = CMSG_NXTHDR(head, c)) {
-            if (c->cmsg_level != SOL_SOCKET) continue;
-            if (c->cmsg_type == SO_RXQ_OVFL) std::memcpy(&overflows, CMSG_DATA(c), sizeof overflows);
-            if (c->cmsg_type == SCM_TIMESTAMPNS) {
-                timespec t;
-                std::memcpy(&t, CMSG_DATA(c), sizeof t);
-                timestamp_ns = ns_of(t);
-            }
-        }
-        return timestamp_ns;
-    }
-
-private:
-    struct Control {
-        alignas(cmsghdr) char bytes[CMSG_SPACE(sizeof(timespec)) + CMSG_SPACE(sizeof(std::uint32_t))];
-    };
-    std::size_t size_;
-    unsigned used_ = kMax;  // messages that the kernel has written since they were prepared
-    std::vector<std::uint8_t> bytes_;
-    std::array<sockaddr_storage, kMax> from_{};
-    std::array<Control, kMax> control_{};
-    std::array<iovec, kMax> pieces_{};
-    std::array<mmsghdr, kMax> messages_{};
-};
 
 // Makes frames of the datagrams of one device.
 class Inbox {
@@ -142,15 +78,16 @@ public:
         ::clock_gettime(CLOCK_REALTIME, &wall);
         read_ns_ = now_ns();
         // A timestamp of a clock that was set is wrong until the socket was empty.
-        was_set_ = !arrival_.look(read_ns_, ns_of(wall)) || (was_set_ && !was_drained_);
+        was_set_ = !arrival_.look(read_ns_, std::uint64_t(wall.tv_sec) * 1'000'000'000u + std::uint64_t(wall.tv_nsec)) ||
+                   (was_set_ && !was_drained_);
         n_ = unsigned(n);
         was_drained_ = !is_full();
         if (was_drained_) empty_ns_ = asked_ns;
         return n;
     }
-    [[nodiscard]] bool is_full() const noexcept { return n_ == Batch::kMax; }
+    [[nodiscard]] bool is_full() const noexcept { return n_ == UdpBatch::kMax; }
 
-    // True if next() will return a frame. rt: bounded by Batch::kMax datagrams
+    // True if next() will return a frame. rt: bounded by UdpBatch::kMax datagrams
     [[nodiscard]] bool is_ready() noexcept {
         while (!ready_ && at_ < n_) ready_ = take(at_++);
         return ready_;
@@ -166,7 +103,7 @@ public:
         const std::uint64_t since_ns = assembler_.open_since_ns();
         return since_ns == 0 ? 0 : since_ns + spread_ns_ * 3 / 4;
     }
-    // Drops the datagrams of the last receive(). rt: bounded by Batch::kMax datagrams
+    // Drops the datagrams of the last receive(). rt: bounded by UdpBatch::kMax datagrams
     void drop() noexcept {
         for (; at_ < n_; ++at_) {
             counts_[TACTILED_LINK_BYTES] += std::uint32_t(batch_.datagram(at_).size());
@@ -226,7 +163,7 @@ private:
 
     sockaddr_storage device_;
     LinkCounts& counts_;
-    Batch batch_;
+    UdpBatch batch_;
     unsigned at_ = 0, n_ = 0;  // index of the next datagram in the batch; number of datagrams
     std::uint32_t overflows_ = 0;
     ArrayAssembler assembler_;
