@@ -7,7 +7,6 @@
 #include <sys/socket.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <cstring>
 #include <memory>
@@ -17,6 +16,7 @@
 #include "drivers/driver.hpp"
 #include "drivers/sliced_wait.hpp"
 #include "drivers/tcp.hpp"
+#include "drivers/udp_batch.hpp"
 #include "drivers/wire/array_frame.hpp"
 #include "drivers/wire/clock_fit.hpp"
 #include "drivers/wire/echo_requests.hpp"
@@ -33,11 +33,6 @@ std::size_t buffer_bytes(TaxelShape shape) noexcept {
     return std::max(kMinBuffer, kBufferedFrames * (kArrayHeader + shape.size() * sizeof(float)));
 }
 
-template <class T>  // timespec, or the kernel's structure of the same meaning
-std::uint64_t ns_of(const T& t) noexcept {
-    return std::uint64_t(t.tv_sec) * 1'000'000'000u + std::uint64_t(t.tv_nsec);
-}
-
 unsigned port_of(const sockaddr_storage& address) noexcept {
     return ::ntohs(address.ss_family == AF_INET6 ? reinterpret_cast<const sockaddr_in6&>(address).sin6_port
                                                  : reinterpret_cast<const sockaddr_in&>(address).sin_port);
@@ -51,61 +46,6 @@ bool is_same(const sockaddr_storage& a, const sockaddr_storage& b) noexcept {
     return std::memcmp(&reinterpret_cast<const sockaddr_in6&>(a).sin6_addr,
                        &reinterpret_cast<const sockaddr_in6&>(b).sin6_addr, sizeof(in6_addr)) == 0;
 }
-
-// The datagrams of one recvmmsg call, in preallocated memory.
-class Batch {
-public:
-    static constexpr unsigned kMax = 32;
-
-    // `bytes`: longest datagram. setup
-    explicit Batch(std::size_t bytes) : size_(bytes), bytes_(kMax * bytes) {}
-
-    // Returns the result of recvmmsg. rt: one system call, does not wait
-    int receive(int fd) noexcept {
-        for (unsigned i = 0; i < kMax; ++i) {
-            pieces_[i] = {bytes_.data() + i * size_, size_};
-            messages_[i] = {};
-            messages_[i].msg_hdr.msg_name = &from_[i];
-            messages_[i].msg_hdr.msg_namelen = sizeof from_[i];
-            messages_[i].msg_hdr.msg_iov = &pieces_[i];
-            messages_[i].msg_hdr.msg_iovlen = 1;
-            messages_[i].msg_hdr.msg_control = control_[i].bytes;
-            messages_[i].msg_hdr.msg_controllen = sizeof control_[i].bytes;
-        }
-        return ::recvmmsg(fd, messages_.data(), kMax, MSG_DONTWAIT, nullptr);
-    }
-    [[nodiscard]] std::span<const std::uint8_t> datagram(unsigned i) const noexcept {
-        return {bytes_.data() + i * size_, messages_[i].msg_len};
-    }
-    [[nodiscard]] const sockaddr_storage& from(unsigned i) const noexcept { return from_[i]; }
-    [[nodiscard]] bool is_cut(unsigned i) const noexcept { return (messages_[i].msg_hdr.msg_flags & MSG_TRUNC) != 0; }
-    // Returns the time of arrival on CLOCK_REALTIME. `overflows` keeps its value if the kernel reports none.
-    std::uint64_t timestamp_ns(unsigned i, std::uint32_t& overflows) noexcept {
-        std::uint64_t timestamp_ns = 0;
-        msghdr* const head = &messages_[i].msg_hdr;
-        for (cmsghdr* c = CMSG_FIRSTHDR(head); c != nullptr; c = CMSG_NXTHDR(head, c)) {
-            if (c->cmsg_level != SOL_SOCKET) continue;
-            if (c->cmsg_type == SO_RXQ_OVFL) std::memcpy(&overflows, CMSG_DATA(c), sizeof overflows);
-            if (c->cmsg_type == SCM_TIMESTAMPNS) {
-                timespec t;
-                std::memcpy(&t, CMSG_DATA(c), sizeof t);
-                timestamp_ns = ns_of(t);
-            }
-        }
-        return timestamp_ns;
-    }
-
-private:
-    struct Control {
-        alignas(cmsghdr) char bytes[CMSG_SPACE(sizeof(timespec)) + CMSG_SPACE(sizeof(std::uint32_t))];
-    };
-    std::size_t size_;
-    std::vector<std::uint8_t> bytes_;
-    std::array<sockaddr_storage, kMax> from_{};
-    std::array<Control, kMax> control_{};
-    std::array<iovec, kMax> pieces_{};
-    std::array<mmsghdr, kMax> messages_{};
-};
 
 // Makes frames of the datagrams of one device.
 class Inbox {
@@ -138,15 +78,16 @@ public:
         ::clock_gettime(CLOCK_REALTIME, &wall);
         read_ns_ = now_ns();
         // A timestamp of a clock that was set is wrong until the socket was empty.
-        was_set_ = !arrival_.look(read_ns_, ns_of(wall)) || (was_set_ && !was_drained_);
+        was_set_ = !arrival_.look(read_ns_, std::uint64_t(wall.tv_sec) * 1'000'000'000u + std::uint64_t(wall.tv_nsec)) ||
+                   (was_set_ && !was_drained_);
         n_ = unsigned(n);
         was_drained_ = !is_full();
         if (was_drained_) empty_ns_ = asked_ns;
         return n;
     }
-    [[nodiscard]] bool is_full() const noexcept { return n_ == Batch::kMax; }
+    [[nodiscard]] bool is_full() const noexcept { return n_ == UdpBatch::kMax; }
 
-    // True if next() will return a frame. rt: bounded by Batch::kMax datagrams
+    // True if next() will return a frame. rt: bounded by UdpBatch::kMax datagrams
     [[nodiscard]] bool is_ready() noexcept {
         while (!ready_ && at_ < n_) ready_ = take(at_++);
         return ready_;
@@ -157,7 +98,12 @@ public:
         ready_ = false;
         return true;
     }
-    // Drops the datagrams of the last receive(). rt: bounded by Batch::kMax datagrams
+    // Returns the time before which the rest of an open frame is not expected; 0: no frame is open. rt: wait-free
+    [[nodiscard]] std::uint64_t rest_ns() const noexcept {
+        const std::uint64_t since_ns = assembler_.open_since_ns();
+        return since_ns == 0 ? 0 : since_ns + spread_ns_ * 3 / 4;
+    }
+    // Drops the datagrams of the last receive(). rt: bounded by UdpBatch::kMax datagrams
     void drop() noexcept {
         for (; at_ < n_; ++at_) {
             counts_[TACTILED_LINK_BYTES] += std::uint32_t(batch_.datagram(at_).size());
@@ -205,6 +151,7 @@ private:
         }
         if (taken != ArrayAssembler::Taken::frame) return false;
         ++counts_[TACTILED_LINK_FRAMES];
+        spread_ns_ = std::min(ahead_.slice_ns, spread_ns_ + spread_ns_ / 16 + 1000);
         ahead_.t_ns = t_ns;
         ahead_.taken_ns = read_ns_;
         const std::uint64_t waited_ns = read_ns_ - std::min(t_ns, read_ns_);
@@ -216,7 +163,7 @@ private:
 
     sockaddr_storage device_;
     LinkCounts& counts_;
-    Batch batch_;
+    UdpBatch batch_;
     unsigned at_ = 0, n_ = 0;  // index of the next datagram in the batch; number of datagrams
     std::uint32_t overflows_ = 0;
     ArrayAssembler assembler_;
@@ -225,6 +172,9 @@ private:
     bool was_drained_ = true;     // by the last batch
     std::uint64_t empty_ns_ = 0;  // time at which the socket had nothing besides the batch
     std::uint64_t read_ns_ = 0;   // time of the last batch
+    // Time between the first and the last piece of a frame: the smallest one, which grows by a sixteenth with each frame, so
+    // that a frame that was held up delays no later one.
+    std::uint64_t spread_ns_ = 0;
     Frame ahead_;
     bool ready_ = false;
 };
@@ -273,6 +223,7 @@ public:
     Status read(Frame& frame, int timeout_ms) noexcept override {
         if (take(frame)) return Status::frame;
         ask_for_echo();
+        if (timeout_ms != 0) leave_rest_together();
         // After a full batch more datagrams are probably there.
         const int ready = wait_.wait(fd_, inbox_->is_full() ? 0 : timeout_ms, [this] { ask_for_echo(); });
         if (ready == 0) return Status::timeout;
@@ -326,6 +277,16 @@ private:
         if (frame.device_time_us != 0) requests_.prove(frame);
         frame_ns_ = frame.t_ns;
         return true;
+    }
+
+    // A wake-up for each piece costs more than its contents, so the thread sleeps while most of the rest of a frame comes.
+    void leave_rest_together() const noexcept {
+        constexpr std::uint64_t kWorthNs = 5'000;  // less than a wake-up costs
+        constexpr std::uint64_t kMaxNs = SlicedWait::kSliceMs * 1'000'000;
+        const std::uint64_t now = now_ns(), until_ns = std::min(inbox_->rest_ns(), now + kMaxNs);
+        if (until_ns < now + kWorthNs) return;
+        const timespec until{time_t(until_ns / 1'000'000'000), long(until_ns % 1'000'000'000)};
+        ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr);
     }
 
     // Asks the device for its time when that is due. A request that cannot be sent is lost.

@@ -136,7 +136,7 @@ void ArrayAssembler::reset() noexcept {
         device.has_clock = device.has_begun = false;
         device.left = 0;
     }
-    last_ = nullptr;
+    last_ = open_ = nullptr;
     echo_ = later_ = {};
 }
 
@@ -188,6 +188,7 @@ ArrayAssembler::Taken ArrayAssembler::take_piece(std::span<const std::uint8_t> m
     if (bitmap != 0) erase_missing(piece, &message[kArrayHeader], device.value.data());
     device.content += crc;
     device.left -= fresh;
+    if (device.left == 0 && open_ == &device) open_ = nullptr;
     return device.left == 0 && complete(device, arrival, frame) ? Taken::frame : Taken::used;
 }
 
@@ -198,6 +199,7 @@ bool ArrayAssembler::begin(Device& device, const ArrayPiece& piece, const Arriva
     if (device.has_begun && !is_whole && behind <= kLateFrames) return false;
     // No gap of the numbers shows this frame if the number goes back.
     if (device.left != 0 && std::int32_t(behind) > 0) ++counts_[TACTILED_LINK_LOST];
+    open_ = &device;
     device.has_begun = true;
     device.piece = piece;
     device.first = arrival;

@@ -71,6 +71,9 @@ public:
     // device, which was measured after it. rt: wait-free
     [[nodiscard]] StreamDecoder::Echo take_echo() noexcept { return std::exchange(echo_, {}); }
 
+    // Returns the arrival of the first piece of the frame that began last, 0 if it is complete. rt: wait-free
+    [[nodiscard]] std::uint64_t open_since_ns() const noexcept { return open_ == nullptr ? 0 : open_->first.first_ns; }
+
     [[nodiscard]] TaxelShape shape() const noexcept { return shape_; }
     // The taxels of the last frame; none if two devices use its number. Valid until the next take(). rt: wait-free
     [[nodiscard]] Taxels taxels() const noexcept;
@@ -101,6 +104,7 @@ private:
     LinkCounts& counts_;
     std::array<Device, kArrayMaxDevices> devices_;
     const Device* last_ = nullptr;  // device of the last frame; nullptr: none, or contested
+    const Device* open_ = nullptr;  // device of the frame that began last; nullptr: it is complete
     tactiled_link_count fault_ = TACTILED_LINK_BAD_LENGTH;
     StreamDecoder::Echo echo_, later_;  // later_: its device's open frame may have been measured before
 };

@@ -17,6 +17,7 @@ import sys
 import threading
 import time
 import unittest
+import zlib
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent / "system"))
 from daemon import BIN, ROOT, Daemon, wait_for  # noqa: E402
@@ -316,6 +317,67 @@ format = "ft300"
         self.assertGreater(seen[0]["gone"], 0)
         calls = {call for t in threads for call in calls_of(t)}
         self.assertEqual(calls, {"0", "1", "44", "271"})  # read, write, sendto, ppoll
+
+    def test_arrays_in_datagrams_are_clean_also_damaged_late_and_from_others(self):
+        device, other, stop = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)] + [threading.Event()]
+        device.bind(("127.0.0.2", 0))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+        dice = random.Random(1)
+
+        def message(body):
+            return body + struct.pack("<I", zlib.crc32(body))
+
+        def send():  # 300 taxels of three values in three pieces
+            device.setblocking(False)
+            for number in range(1_000_000):
+                if stop.wait(0.002):
+                    return
+                try:
+                    while line := device.recv(64):
+                        device.sendto(message(struct.pack("<B3xII", 4, int(line[1:]), 1000 * number)), ("127.0.0.1", port))
+                except BlockingIOError:
+                    pass
+                pieces = [message(struct.pack("<BBBBIIHBBHH", 3, 0, 2, 2, number, 1000 * number, 300, 3, 0, first, 100) + bytes(600))
+                          for first in (0, 100, 200)]
+                kind = dice.randrange(20)
+                if kind == 0:
+                    pieces = [dice.randbytes(dice.randrange(2000))] + pieces[1:]
+                elif kind == 1:
+                    dice.shuffle(pieces)
+                    pieces.append(pieces[0])
+                elif kind == 2:
+                    other.sendto(pieces[0], ("127.0.0.1", port))
+                elif kind == 3 and number % 200 == 3:
+                    time.sleep(0.3)
+                for piece in pieces:
+                    device.sendto(piece, ("127.0.0.1", port))
+
+        links = f"""
+[[link]]
+name = "skin"
+driver = "udp"
+address = "127.0.0.2:{device.getsockname()[1]}"
+listen = {port}
+taxels = 300
+values = 3
+echo = true
+"""
+        with device, other, Daemon(CONFIG.replace("{period}", "250") + links, env={"LD_PRELOAD": GUARD}) as d:
+            (d.folder / "rows.csv").write_text(ROWS)
+            d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "dev", "--format", "cobs", "--rate", 1000, "--loop")
+            d.play("--in", d.folder / "rows.csv", "--pty", d.folder / "text", "--format", "lines", "--sequence", "--rate", 500, "--loop")
+            sender = threading.Thread(target=send, daemon=True)
+            sender.start()
+            threads, seen = clean(self, d, 6)
+            stop.set()
+            sender.join(5)
+        skin = next(link for link in seen if link["name"] == "skin")
+        for count in ("frames", "skipped_bytes", "repeated", "lost"):
+            self.assertGreater(skin[count], 10, count)
+        calls = next(calls_of(t) for t in threads if "299" in calls_of(t))
+        self.assertEqual(calls - {"230"}, {"44", "271", "299"})  # sendto, ppoll, recvmmsg; perhaps clock_nanosleep
 
     def test_the_thread_that_reads_several_links_is_clean(self):
         names = [f"l{i}" for i in range(8)]

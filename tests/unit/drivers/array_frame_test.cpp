@@ -1,6 +1,7 @@
 // Arrays: the properties on their page; any order, loss and repetition of pieces; and the age of a frame of several pieces.
 #include "drivers/wire/array_frame.hpp"
 
+#include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
 #include <cmath>

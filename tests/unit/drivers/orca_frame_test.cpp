@@ -1,4 +1,5 @@
 // Format "orca": a model of the hand on a pty, written from the facts of its public client, and damaged streams.
+#include <gtest/gtest.h>
 #include <pty.h>
 #include <rapidcheck/gtest.h>
 #include <unistd.h>

@@ -314,6 +314,50 @@ TEST_F(UartTest, AsksForAnEchoAndGivesTheAnswerToTheNextFrameOnce) {
     EXPECT_EQ(driver->counts[TACTILED_LINK_SKIPPED], 0u);
 }
 
+TEST_F(UartTest, AnArrayAndItsAnswersAreReadBesideFramesOfChannels) {
+    constexpr TaxelShape kShape{300, 2};
+    const auto driver = make("format = \"cobs\"\ntaxels = 300\nvalues = 2\necho = true");
+    ASSERT_TRUE(problems_.empty()) << problems_.lines().front();
+    EXPECT_EQ(driver->taxel_shape(), kShape);
+    ASSERT_EQ(driver->open(), "");
+    const auto send_message = [&](const std::vector<std::uint8_t>& message) {
+        std::vector<std::uint8_t> coded(message.size() + message.size() / 254 + 2);
+        send(coded.data(), put_cobs(message, coded.data()));
+    };
+    const auto read = [&] {
+        Frame frame;
+        Status status = Status::timeout;
+        for (int i = 0; i < 200 && status == Status::timeout; ++i) status = driver->read(frame, 10);
+        EXPECT_EQ(status, Status::frame);
+        return frame;
+    };
+    std::vector<float> values(kShape.size());
+    for (std::size_t i = 0; i < values.size(); ++i) values[i] = float(i);
+    const auto piece = [&](std::uint32_t n, std::uint16_t first) {
+        return encode_array_piece({.type = ArrayType::i16, .sequence = n, .shape = kShape, .first = first, .count = 150},
+                                  values);
+    };
+    Frame none;
+    EXPECT_EQ(driver->read(none, 50), Status::timeout);
+    const auto number = std::uint32_t(std::stoul(last_request(master_)));
+    send_message(piece(1, 150));
+    send_message(encode_array_echo(0, number, 77));  // within a frame
+    send_message(piece(1, 0));
+    const Frame open = read();
+    EXPECT_EQ(open.asked_ns, 0u) << "it was measured before the answer";
+    EXPECT_TRUE(std::equal(values.begin(), values.end(), driver->taxels().value.begin()));
+    send_frame(5);
+    EXPECT_EQ(read().n_channels, 2);
+    EXPECT_TRUE(driver->taxels().value.empty());
+    send_message(piece(2, 0));
+    send_message(piece(2, 150));
+    const Frame proved = read();
+    EXPECT_EQ(proved.sequence, 2u);
+    EXPECT_GT(proved.asked_ns, 0u);
+    EXPECT_EQ(proved.answered_us, 77u);
+    EXPECT_EQ(driver->counts[TACTILED_LINK_SKIPPED], 0u);
+}
+
 TEST_F(UartTest, ADeviceThatNeverReadsItsRequestsIsReadOn) {
     const auto driver = make("format = \"lines\"\nchannels = 1\necho = true");
     ASSERT_EQ(driver->open(), "");
