@@ -36,7 +36,8 @@ ShmSettings read_shm(Options table) {
     read_fields(shm_fields(), table, shm);
     const auto check = [&](const char* key, unsigned slots) {
         if (slots != 0 && !std::has_single_bit(slots))
-            table.problem(key, fmt::format("{} = {} is no power of two; the next one is {}", key, slots, std::bit_ceil(slots)));
+            table.problem(key,
+                          fmt::format("{} = {} is no power of two; the next one is {}", key, slots, std::bit_ceil(slots)));
     };
     check("history", unsigned(shm.history));
     check("array_history", unsigned(shm.array_history));

@@ -61,7 +61,7 @@ struct Link {
 
     // Written by the link's thread, read by the pipeline.
     Ring<Frame> ring{kRingFrames};
-    TaxelStore taxels;  // of the frames in the ring
+    TaxelStore taxels;  // the taxels of the frames in the ring
     std::atomic<bool> connected{false};
     std::atomic<std::uint32_t> ring_full{0};  // frames that the ring refused since the start
 

@@ -72,7 +72,8 @@ void Pipeline::deliver(Link& link, const Frame& frame, const Taxels& taxels, std
 
 void Pipeline::publish(std::uint32_t sensor, const tactiled_sample& sample) noexcept {
     grasping_->observe(sensor, sample, sensors_[sensor].zero_S());
-    if (Patch* const patch = sensors_[sensor].patch()) segment_.publish_array(sensor, sample.sequence, patch->record(sample));
+    if (Patch* const patch = sensors_[sensor].patch())
+        segment_.publish_array(sensor, sample.sequence, patch->record(sample));
     segment_.publish(sensor, sample);
     segment_.count_reasons(sensor, sample.reasons);
     record_.add(sensor, sample);

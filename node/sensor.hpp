@@ -81,9 +81,9 @@ public:
     // Sets the daemon's epoch, the upper half of each sample's epoch. Call it once, before the first sample. setup
     void start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept;
 
-    // Returns the sample for a frame that arrived, with the taxels of an array. With method "auto", each sample after a tare also runs one of the other
-    // methods from its initial state, until each has its zero; so does the first sample after a change of the method. rt:
-    // bounded by the model's decouple()
+    // Returns the sample for a frame that arrived, with the taxels of an array. With method "auto", each sample after a tare
+    // also runs one of the other methods from its initial state, until each has its zero; so does the first sample after a
+    // change of the method. rt: bounded by the model's decouple()
     [[nodiscard]] tactiled_sample sample(const Frame& frame, std::uint64_t now_ns, const Taxels& taxels = {}) noexcept;
     // The model of an array, nullptr if the sensor is none.
     [[nodiscard]] Patch* patch() const noexcept { return patch_; }

@@ -107,12 +107,13 @@ std::vector<float> put_array(tactiled_sensor& entry, const Patch& patch) {
 // The arrays of the link must be those of the calibration.
 void check_shape(SensorSettings& settings, const TaxelShape& of_link, const TaxelShape& of_calibration) {
     const auto text = [](TaxelShape shape) {
-        return shape.taxels == 0 ? std::string("no taxels") : fmt::format("{} taxels of {} values", shape.taxels, shape.values);
+        return shape.taxels == 0 ? std::string("no taxels")
+                                 : fmt::format("{} taxels of {} values", shape.taxels, shape.values);
     };
     if (of_link != of_calibration)
-        settings.options.problem("calibration", fmt::format("{} is for {}, link \"{}\" carries {} (its keys taxels and values)",
-                                                            settings.calibration, text(of_calibration), settings.link,
-                                                            text(of_link)));
+        settings.options.problem("calibration",
+                                 fmt::format("{} is for {}, link \"{}\" carries {} (its keys taxels and values)",
+                                             settings.calibration, text(of_calibration), settings.link, text(of_link)));
 }
 
 tactiled_sensor directory_entry(const SensorSettings& settings, const Calibration& calibration, const Decoupler& decoupler) {

@@ -32,7 +32,7 @@ public:
     }
 
 private:
-    std::size_t size_ = 0;  // of a block
+    std::size_t size_ = 0;  // numbers in a block
     std::vector<TaxelShape> shape_;
     std::vector<float> value_;
 };

@@ -32,8 +32,7 @@ Contact::Contact(const TaxelPlaces& places, const TaxelNoise& noise)
 float Contact::press(const TaxelForces& forces, const TaxelForces& zero, std::size_t i) const noexcept {
     float along = 0;
     for (std::size_t c = 0; c < 3; ++c)
-        if (!forces.component[c].empty())
-            along += places_.normal[i][c] * (forces.component[c][i] - zero.component[c][i]);
+        if (!forces.component[c].empty()) along += places_.normal[i][c] * (forces.component[c][i] - zero.component[c][i]);
     return -along;
 }
 

@@ -1,4 +1,4 @@
-// What presses on an array, from the press of each taxel along its normal: centre, area, peak, and the axis of a long
+// The contact on an array, from the press of each taxel along its normal: centre, area, peak, and the axis of a long
 // contact, each with its standard deviation.
 //
 // A taxel is in contact if its press exceeds z sd with z = sqrt(2 ln(n / 0.01)): noise alone then puts one of the n taxels
@@ -57,8 +57,8 @@ private:
     TaxelNoise noise_;
     float limit_N_;
     std::vector<float> press_;
-    std::vector<std::uint8_t> region_;  // of each taxel: outside of the contact, in it, or beside it
-    std::vector<Term> terms_;           // of the region
+    std::vector<std::uint8_t> region_;  // a taxel is outside of the contact, in it, or beside it
+    std::vector<Term> terms_;           // one for each taxel of the region
     double sum_N_ = 0;
     unsigned boundary_ = 0;  // taxels in contact beside one that is not
     std::array<double, 3> centre_m_{};

@@ -80,8 +80,8 @@ std::string rewire(const std::vector<double>& wiring, TaxelPlaces& places) {
     return "";
 }
 
-// The neighbours of a taxel are the nearest ones, up to kNeighbours, at up to this multiple of the nearest one's distance: in
-// a square grid those beside it and not those across its corners.
+// The neighbours of a taxel are the nearest ones, up to kNeighbours, at up to this multiple of the nearest one's distance:
+// in a square grid those beside it and not those across its corners.
 constexpr float kReach = 1.3f;
 
 void put_neighbours(TaxelPlaces& places) {
@@ -111,7 +111,8 @@ TaxelPlaces places_of(const CalibrationData& data, std::string& fault) {
     const NumberRows* const list = data.table("place_mm");
     const bool is_grid = data.has("rows") && data.has("columns") && data.has("pitch_mm");
     if (is_grid == (list != nullptr)) {
-        fault = "the places of the taxels are missing, or given twice: parameters rows, columns, pitch_mm, or table place_mm";
+        fault =
+            "the places of the taxels are missing, or given twice: parameters rows, columns, pitch_mm, or table place_mm";
         return places;
     }
     if (data["rows"] != std::floor(data["rows"]) || data["columns"] != std::floor(data["columns"])) {

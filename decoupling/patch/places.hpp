@@ -1,4 +1,4 @@
-// Where the taxels of an array are: places, normals and neighbours, from its calibration.
+// The places, normals and neighbours of the taxels of an array, from its calibration.
 #pragma once
 #include <array>
 #include <cstddef>
@@ -19,13 +19,13 @@ struct TaxelPlaces {
     };
 
     std::size_t n = 0;
-    std::uint32_t rows = 0, columns = 0;  // 0: a list. A grid in the order of its rows, from the one of the largest y
-    std::vector<float> x, y, z;           // m, frame S
-    std::vector<std::array<float, 3>> normal;                // of length 1, out of the skin
-    std::vector<std::array<std::array<float, 3>, 3>> axes;   // of a taxel's frame in S; empty: those of S
-    std::vector<Neighbours> neighbours;                      // the nearest ones
-    float pitch_m = 0;                                       // distance of two neighbours, the median
-    float taxel_area_m2 = 0;                                 // NaN = unknown
+    std::uint32_t rows = 0, columns = 0;       // 0: a list. A grid in the order of its rows, from the one of the largest y
+    std::vector<float> x, y, z;                // m, frame S
+    std::vector<std::array<float, 3>> normal;  // unit vectors, out of the skin
+    std::vector<std::array<std::array<float, 3>, 3>> axes;  // axes of a taxel's frame in S; empty: those of S
+    std::vector<Neighbours> neighbours;                     // the nearest ones
+    float pitch_m = 0;                                      // distance of two neighbours, the median
+    float taxel_area_m2 = 0;                                // NaN = unknown
 
     [[nodiscard]] bool is_flat() const noexcept { return axes.empty(); }
 };

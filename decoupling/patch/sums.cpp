@@ -27,8 +27,8 @@ bool has_force(const TaxelForces& forces, std::size_t i) noexcept {
 }
 
 // Mean force of the neighbours of i that have one, without `skipped`, after the zero; their number in `n`.
-float mean_beside(const TaxelPlaces& places, const TaxelForces& zero, const TaxelForces& forces, std::size_t c, std::size_t i,
-                  std::size_t skipped, unsigned& n) noexcept {
+float mean_beside(const TaxelPlaces& places, const TaxelForces& zero, const TaxelForces& forces, std::size_t c,
+                  std::size_t i, std::size_t skipped, unsigned& n) noexcept {
     const TaxelPlaces::Neighbours& beside = places.neighbours[i];
     float mean = 0;
     n = 0;
@@ -58,8 +58,8 @@ void predict(const TaxelPlaces& places, const TaxelNoise& noise, const TaxelForc
                 const std::size_t j = beside.of[k];
                 unsigned n_beside = 0;
                 if (!has_force(forces, j)) continue;
-                const float error = forces.component[c][j] - zero.component[c][j] -
-                                    mean_beside(places, zero, forces, c, j, i, n_beside);
+                const float error =
+                    forces.component[c][j] - zero.component[c][j] - mean_beside(places, zero, forces, c, j, i, n_beside);
                 squares += error * error;
             }
             one.variance[c] = n > 0 ? squares / float(n) : noise.sd[c] * noise.sd[c];
@@ -97,8 +97,7 @@ void Sums::add(const TaxelForces& forces, const std::vector<TaxelOut>& out) noex
         const auto product = [&](const float* arm, const float* force, double sign) {
             if (force == nullptr) return;
             wrench_[3 + c] += sign * sum(n, [=](std::size_t i) { return arm[i] * force[i]; });
-            variance_[3 + c] +=
-                g2 * sum(n, [=](std::size_t i) { return arm[i] * force[i] * (arm[i] * force[i]); });
+            variance_[3 + c] += g2 * sum(n, [=](std::size_t i) { return arm[i] * force[i] * (arm[i] * force[i]); });
         };
         product(r[a], f[b], 1);
         product(r[b], f[a], -1);

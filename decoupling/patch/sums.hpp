@@ -17,8 +17,8 @@ namespace tactiled {
 // A taxel without a force of its own.
 struct TaxelOut {
     std::uint16_t taxel = 0;
-    bool is_supported = false;              // at least half of its neighbours have forces
-    std::array<float, 3> variance{};        // of the predicted force, N^2
+    bool is_supported = false;        // at least half of its neighbours have forces
+    std::array<float, 3> variance{};  // variance of the predicted force, N^2
 };
 
 // The sd of a taxel's force, N in its components, and of its gain.

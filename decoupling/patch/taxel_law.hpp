@@ -18,7 +18,7 @@ struct TaxelForces {
     std::vector<std::uint8_t> state;  // enum tactiled_taxel_state
 };
 
-// Of taxel i, in its own frame: f = gain_i matrix (values - zero_i), with one matrix for all taxels.
+// The force of taxel i in its own frame is gain_i matrix (values - zero_i), with one matrix for all taxels.
 class TaxelLaw {
 public:
     // A row of the table `taxel` is fz, or fx, fy, fz: N per channel_unit for each value. setup
@@ -45,18 +45,18 @@ private:
     TaxelShape shape_;
     std::uint32_t components_ = 0;
     const TaxelPlaces& places_;
-    std::vector<std::vector<float>> matrix_;     // a row for each component of a taxel's frame
-    std::vector<float> zero_, gain_;             // value v of taxel i: v n + i; of taxel i
-    std::vector<std::uint8_t> dead_;             // states of the taxels that the calibration lists
+    std::vector<std::vector<float>> matrix_;  // a row for each component of a taxel's frame
+    std::vector<float> zero_, gain_;          // value v of taxel i: v n + i; of taxel i
+    std::vector<std::uint8_t> dead_;          // states of the taxels that the calibration lists
     bool has_dead_ = false;
-    std::array<std::vector<float>, 3> own_;      // forces in the taxels' frames, where these are not S
-    std::vector<float> before_;                  // raw values of the last frame
+    std::array<std::vector<float>, 3> own_;  // forces in the taxels' frames, where these are not S
+    std::vector<float> before_;              // raw values of the last frame
     std::vector<std::uint16_t> repeats_;
     unsigned calibrated_frozen_after_, frozen_after_;
-    float full_scale_N_;                         // of a taxel, along its normal
+    float full_scale_N_;  // limit of a taxel's force along its normal
 };
 
-// What TaxelLaw reads from a calibration.
+// Parameters and tables of a calibration that TaxelLaw reads.
 inline constexpr std::array<Parameter, 2> kLawParameters{
     {{"taxel_full_scale_N", "largest calibrated press on a taxel, N", kAboveZero, kLargest, kLargest},
      {"frozen_after", "frames after which a taxel that repeats its values is dead; 0 = never", 0, 65535, 0}}};

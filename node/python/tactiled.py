@@ -41,7 +41,7 @@ import warnings
 
 try:
     import numpy
-except ImportError:  # arrays are then memoryviews
+except ImportError:  # arrays are memoryview objects without it
     numpy = None
 
 MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 9
@@ -178,8 +178,8 @@ class Sample(collections.namedtuple("Sample", _SAMPLE.names)):
 
 class Array(collections.namedtuple("Array", [*_ARRAY.names, "force_S_N", "state"])):
     """The array of a sensor with taxels: the fields of struct tactiled_array; force_S_N, taxels by components, N; and the state
-    of each taxel, 0 or bits TAXEL_... of why it has no force. The last two are numpy arrays where numpy is installed, else
-    memoryviews. The sample has the verdict: where it is BAD all numbers are NaN."""
+    of each taxel, 0 or bits TAXEL_... of why it has no force. The last two are arrays of numpy, or memoryview objects where it
+    is not installed. The sample has the verdict: where it is BAD all numbers are NaN."""
     __slots__ = ()
 
 

@@ -151,8 +151,8 @@ SegmentWriter::SegmentWriter(const SegmentPlan& plan) : path_(fmt::format("{}/ta
         return SetupError(text);
     };
     const std::size_t frame_slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_frame));
-    size_ = size_of(plan, history_of(plan)) + (frame_slot * frames_of(plan) + kAlign) * plan.links.size() +
-            arrays_size_of(plan);
+    size_ =
+        size_of(plan, history_of(plan)) + (frame_slot * frames_of(plan) + kAlign) * plan.links.size() + arrays_size_of(plan);
     wake_fd_ = make_wake_page();
     void* const page = ::mmap(nullptr, sizeof(tactiled_wake), PROT_READ, MAP_SHARED | MAP_POPULATE, wake_fd_, 0);
     if (wake_fd_ < 0 || page == MAP_FAILED) throw fail("the page of sleeping readers");
@@ -259,8 +259,7 @@ void SegmentWriter::lay_out(const SegmentPlan& plan, std::uint32_t epoch) {
         sensors[i].ring = ring(sizeof(tactiled_sample), history_of(plan));
         sensors[i].age_bound_us = TACTILED_AGE_UNBOUNDED;
         if (sensors[i].n_taxels == 0) continue;
-        sensors[i].arrays =
-            ring(tactiled_array_size(sensors[i].n_taxels, sensors[i].taxel_components), plan.array_history);
+        sensors[i].arrays = ring(tactiled_array_size(sensors[i].n_taxels, sensors[i].taxel_components), plan.array_history);
         sensors[i].taxel_place_offset = take(6 * sizeof(float) * sensors[i].n_taxels);
         std::memcpy(base_ + sensors[i].taxel_place_offset, plan.places[i].data(), 6 * sizeof(float) * sensors[i].n_taxels);
     }

@@ -49,7 +49,8 @@ public:
 
     // Publishes the next sample of sensor `index`; `sample.sequence` must count up by one. rt: wait-free
     void publish(std::uint32_t index, const tactiled_sample& sample) noexcept;
-    // Publishes the array of sample `sequence` of sensor `index`: a record of tactiled_array_size() bytes, before the sample.
+    // Publishes the array of sample `sequence` of sensor `index`: a record of tactiled_array_size() bytes, before the
+    // sample.
     // rt: wait-free, linear in the size
     void publish_array(std::uint32_t index, std::uint64_t sequence, const void* record) noexcept;
     // Publishes the next frame of link `index`, number `number` from 0. rt: wait-free
@@ -60,8 +61,8 @@ public:
     // Counts the lateness of a wake-up of the loop. rt: wait-free
     void count_lateness(std::uint64_t late_ns) noexcept;
 
-    // set_sensor() replaces the directory entry of sensor `index`, except name, model, link, stale_ms, ring and array. Call it
-    // between begin_reload() and end_reload(), which also sets the new CAL_ID. rt: wait-free
+    // set_sensor() replaces the directory entry of sensor `index`, except name, model, link, stale_ms, ring and array. Call
+    // it between begin_reload() and end_reload(), which also sets the new CAL_ID. rt: wait-free
     void begin_reload() noexcept;
     void set_sensor(std::uint32_t index, const tactiled_sensor& entry) noexcept;
     void end_reload(std::uint32_t calibration_id) noexcept;

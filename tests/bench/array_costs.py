@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What an array costs: the daemon's processor time at 1 kHz over UDP and TCP, lost frames, the time from sending to reading beside a
+"""Costs of an array: the daemon's processor time at 1 kHz over UDP and TCP, lost frames, the time from sending to reading beside a
 plain program that receives, multiplies and copies, and the instructions of the model against the number of taxels.
 
     array_costs.py [--frames N]     N: a count of lost frames beside four busy programs

@@ -15,8 +15,8 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cstring>
 #include <csignal>
+#include <cstring>
 #include <ctime>
 #include <optional>
 #include <string>
@@ -102,7 +102,7 @@ std::vector<unsigned char> cobs(const std::vector<unsigned char>& plain) {
     return out;
 }
 
-// What the plain program shows.
+// The shared memory of the plain program.
 struct Plain {
     std::atomic<std::uint32_t> lock, sequence;
     float value[std::size_t(4096) * 3];
@@ -148,7 +148,8 @@ int run(int argc, char** argv) {
     Plain* plain = nullptr;
     pid_t child = 0;
     if (way == "plain") {
-        plain = static_cast<Plain*>(::mmap(nullptr, sizeof(Plain), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0));
+        plain =
+            static_cast<Plain*>(::mmap(nullptr, sizeof(Plain), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0));
         const int fd = udp_socket(port + 1, port);
         if ((child = ::fork()) == 0) run_plain(fd, shape, *plain);
         ::close(fd);
@@ -197,9 +198,7 @@ int run(int argc, char** argv) {
 
 }  // namespace
 
-int main(int argc, char** argv) try {
-    return run(argc, argv);
-} catch (const std::exception& error) {
+int main(int argc, char** argv) try { return run(argc, argv); } catch (const std::exception& error) {
     fmt::print(stderr, "array_feeder: {}\n", error.what());
     return 1;
 }

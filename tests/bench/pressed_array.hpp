@@ -17,8 +17,8 @@ namespace tactiled::pressed {
 
 enum class Kind { ball, punch, edge, none };
 
-// A body at (x, y), m, of force N along -z, its long side turned by `turn` rad from x. `length` and `width` are the half axes
-// of its contact, m: of an ellipse with the pressure of Hertz, or of a rectangle with an even one.
+// A body at (x, y), m, of force N along -z, its long side turned by `turn` rad from x. `length` and `width` are the half
+// axes of its contact, m: of an ellipse with the pressure of Hertz, or of a rectangle with an even one.
 struct Body {
     Kind kind = Kind::none;
     double x = 0, y = 0, force = 0, length = 0, width = 0, turn = 0;

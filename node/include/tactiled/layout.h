@@ -40,7 +40,7 @@ extern "C" {
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
 #define TACTILED_MAX_CHANNELS 32 /* in a frame */
-#define TACTILED_MAX_TAXELS 4096 /* of an array */
+#define TACTILED_MAX_TAXELS 4096 /* greatest number in an array */
 #define TACTILED_MAX_METHODS 8
 #define TACTILED_METHODS_SIZE 128
 #define TACTILED_NAME_SIZE 32 /* including the terminating zero */
@@ -536,9 +536,9 @@ struct tactiled_sensor {
     /* Since 1.9, so an entry of TACTILED_SENSOR_SIZE_1_8 bytes lacks these fields: call tactiled_array_of(). */
     struct tactiled_ring arrays; /* records are struct tactiled_array and what follows it; no slots: not an array */
     uint32_t n_taxels;
-    uint32_t taxel_components;            /* bits 0..2: fx fy fz of a taxel are measured */
-    uint32_t taxel_rows, taxel_columns;   /* a grid: taxel i is in row i / columns, column i % columns; 0 = a list */
-    uint32_t taxel_place_offset;          /* offset of float[n_taxels][6] in the file: place, m, and normal; frame S */
+    uint32_t taxel_components;          /* bits 0..2: fx fy fz of a taxel are measured */
+    uint32_t taxel_rows, taxel_columns; /* a grid: taxel i is in row i / columns, column i % columns; 0 = a list */
+    uint32_t taxel_place_offset;        /* offset of float[n_taxels][6] in the file: place, m, and normal; frame S */
 };
 #define TACTILED_SENSOR_SIZE_1_0 216u
 #define TACTILED_SENSOR_SIZE_1_1 416u
@@ -563,7 +563,7 @@ enum tactiled_taxel_state {
     TACTILED_TAXEL_OUTSIDE = 1 << 4    /* it has a force, beyond its calibrated range */
 };
 
-/* What an array yields. A quantity is NaN where the press does not determine it, and where the sample is BAD. Each sd is
+/* The results of an array. A quantity is NaN where the press does not determine it, and where the sample is BAD. Each sd is
  * one standard deviation from the noise and the gains of the taxels. */
 struct tactiled_array {
     struct tactiled_sample sample; /* sample number `sample.sequence` of the sensor; its verdict is that of the array */
@@ -572,7 +572,7 @@ struct tactiled_array {
     uint32_t peak_taxel;           /* taxel of the largest press, where peak_N is a number */
     float peak_N, peak_sd_N;       /* its press, along its normal */
     float cop_S_m[3], cop_sd_m[3]; /* centre of pressure */
-    float area_m2, area_sd_m2;     /* of the taxels in contact */
+    float area_m2, area_sd_m2;     /* area of the taxels in contact */
     float axis_rad, axis_sd_rad;   /* direction of a long contact in x y, from x, -pi/2 .. pi/2; NaN for a round one */
     uint32_t reserved;
 };
@@ -838,8 +838,7 @@ static inline void tactiled_invalidate_array(struct tactiled_array* array, uint3
     tactiled_invalidate(&array->sample, reason);
     for (i = 0; i < n_forces; ++i) force[i] = nan_value;
     for (i = 0; i < 3; ++i) array->cop_S_m[i] = array->cop_sd_m[i] = nan_value;
-    array->peak_N = array->peak_sd_N = array->area_m2 = array->area_sd_m2 = array->axis_rad = array->axis_sd_rad =
-        nan_value;
+    array->peak_N = array->peak_sd_N = array->area_m2 = array->area_sd_m2 = array->axis_rad = array->axis_sd_rad = nan_value;
     array->n_contact = 0;
 }
 

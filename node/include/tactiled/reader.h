@@ -382,7 +382,8 @@ static inline const float* tactiled_taxel_forces(const struct tactiled_array* ar
     return (const float*)(const void*)(array + 1);
 }
 /* The states of the taxels, enum tactiled_taxel_state. */
-static inline const uint8_t* tactiled_taxel_states(const struct tactiled_array* array, const struct tactiled_array_plan* plan) {
+static inline const uint8_t* tactiled_taxel_states(const struct tactiled_array* array,
+                                                   const struct tactiled_array_plan* plan) {
     return (const uint8_t*)(tactiled_taxel_forces(array) + (size_t)plan->n_taxels * plan->n_components);
 }
 /* Places, m, and normals of the taxels in frame S: six numbers for each. */
@@ -390,8 +391,8 @@ static inline const float* tactiled_taxel_places(const struct tactiled_segment* 
     return (const float*)(const void*)(segment->base + segment->array[index].place_offset);
 }
 
-/* Copies the array that belongs to the sample with this sequence number, unjudged. Returns 1, or 0 if the ring has
- * another one there. */
+/* Copies the array that belongs to the sample with this sequence number, as it was published. Returns 1, or 0 if the ring
+ * has another one there. */
 static inline int tactiled_array_of_sample(const struct tactiled_segment* segment, uint32_t index, uint64_t sequence,
                                            struct tactiled_array* array) {
     const struct tactiled_array_plan* const plan = &segment->array[index];

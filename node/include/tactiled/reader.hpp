@@ -129,7 +129,8 @@ public:
     bool latest(std::uint32_t index, Array& array, std::uint64_t now_ns = 0) const {
         return tactiled_latest_array(c_, index, array.prepare(c_->array[index]), now_ns) != 0;
     }
-    // Copies the array of a sample that was read from this segment, unjudged. Returns false if it is no longer kept.
+    // Copies the array of a sample that was read from this segment, as it was published. Returns false if it is no longer
+    // kept.
     bool array_of(std::uint32_t index, const tactiled_sample& sample, Array& array) const {
         return tactiled_array_of_sample(c_, index, sample.sequence, array.prepare(c_->array[index])) != 0;
     }
@@ -234,8 +235,8 @@ public:
         tactiled_reader_latest(&c_, &sample);
         return sample;
     }
-    // Copies the newest array of the sensor, which is BAD with a reason if there is no valid one. Returns false if the sensor
-    // has no taxels, or there is no daemon. Never blocks.
+    // Copies the newest array of the sensor, which is BAD with a reason if there is no valid one. Returns false if the
+    // sensor has no taxels, or there is no daemon. Never blocks.
     bool latest(Array& array) {
         (void)latest();  // attaches to a successor
         if (!is_attached() || !segment().has_array(std::uint32_t(c_.index))) return false;

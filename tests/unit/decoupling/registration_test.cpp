@@ -113,9 +113,9 @@ TEST(Registration, AMisspeltModelIsRefusedWithTheKnownNames) {
     DecouplerFault fault;
     EXPECT_EQ(make_decoupler(calibration, "", 0, fault), nullptr);
     EXPECT_EQ(fault.key, "model");
-    expect_says(fault.text,
-                {"\"genric\"", "known: \"capacitive\", \"generic\", \"hair\", \"load_cell\", \"patch\", \"piezo\", \"table\"",
-                 "did you mean \"generic\"?"});
+    expect_says(fault.text, {"\"genric\"",
+                             "known: \"capacitive\", \"generic\", \"hair\", \"load_cell\", \"patch\", \"piezo\", \"table\"",
+                             "did you mean \"generic\"?"});
     FitRequest request = load_cell();
     request.model = "load_sell";
     expect_says(setup_error(request), {"known: \"capacitive\", \"generic\"", "did you mean \"load_cell\"?"});
