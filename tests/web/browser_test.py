@@ -3,7 +3,7 @@
 
     ./node/install-packages.sh browser && /usr/bin/python3 tests/web/browser_test.py
     MINUTES=10 /usr/bin/python3 tests/web/browser_test.py Long      memory of server and page with four clients
-    PICTURES=1 /usr/bin/python3 tests/web/browser_test.py Pictures  writes node/web/*.png
+    PICTURES=1 /usr/bin/python3 tests/web/browser_test.py Pictures Arrays    writes node/web/*.png
 
 Prints what it measured. Skips without Chromium; TACTILED_MUST=1: fails instead."""
 import collections
@@ -427,13 +427,17 @@ class Arrays(Base):
         self.tip.missing.add(10)
         self.pad.saturated = {130}
         time.sleep(8)
-        for name, width, height, scheme in (("light", 900, 900, "light"), ("dark", 900, 900, "dark"), ("phone", 390, 844, "light")):
+        for name, width, height, scheme in (("light", 900, 520, "light"), ("dark", 900, 520, "dark"), ("phone", 390, 844, "light")):
             self.page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": name == "phone"})
             self.page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
-            self.js("document.querySelector('#sensors').scrollIntoView()")
-            time.sleep(1)
+            for _ in range(2):  # maps and plots change their sizes first
+                self.js("document.querySelector('[data-sensor=pad] .map').scrollIntoView(); window.scrollBy(0, -20)")
+                wait_for(lambda: self.heat("pad") > 500, "colours")
+                time.sleep(1)
             self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), width, "nothing is cut off at the right")
             self.page.save_screenshot(str(folder / f"{name}.png"))
+        if os.environ.get("PICTURES"):
+            shutil.copy(folder / "light.png", ROOT / "node/web/arrays.png")
         print(f"pictures in {folder}")
 
 

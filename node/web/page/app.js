@@ -156,7 +156,7 @@ class Card {
       button.setAttribute("aria-label", `${button.textContent} ${about.name}`);
     }
     this.visible = true;
-    this.watch = new IntersectionObserver(([e]) => { this.visible = e.isIntersecting; if (this.map && !this.visible) this.map.show(null); });
+    this.watch = new IntersectionObserver(([e]) => { this.visible = e.isIntersecting; if (this.map && !this.visible) this.map.hide(); });
     this.watch.observe(box);
     byId("sensors").append(box);
   }
@@ -197,7 +197,7 @@ class Card {
     put(this.facts.temperature, number(s && s.temperature_C, 1, " °C"));
     put(this.facts.touch, !s || quality === kBad ? "–" : s.state & 2 ? "OVERLOAD" : s.state & 1 ? "contact" : "none");
     if (draw && this.visible) this.draw(s);
-    else if (this.map && !s) this.map.show(null);
+    else if (this.map && this.visible && !s) this.map.show(null);
   }
   bar(row, value, sd) {
     if (!known(value)) { row.fill.style.width = row.band.style.width = "0"; row.band.style.minWidth = "0"; return; }

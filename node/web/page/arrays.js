@@ -5,7 +5,7 @@ const kArrayEach_ms = 140;    // between two requests for one sensor
 const kArrayOld_ms = 500;     // an array that is older is not shown
 const kArrayRetry_ms = 1000;  // after one that failed, in addition
 const kArrayLimit_ms = 2000;  // for a request
-const kMapHeight_px = 300;
+const kMapHeight_px = 300, kSign_px = 10;
 // What has no force: the mark is drawn over an empty cell.
 const kStateMarks = { missing: "hatch", saturated: "solid", dead: "cross", frozen: "bars" };
 
@@ -74,6 +74,12 @@ class HeatMap {
     if (this.places) this.draw(a); else this.canvas.width = this.canvas.width;  // clears it
     this.showLegend(a);
   }
+  // While it cannot be seen it asks for nothing, and so has nothing.
+  hide() {
+    this.array = null;
+    this.show(null);
+    put(this.text, "not in view");
+  }
   draw(a) {
     const { x0, x1, y0, y1, dx, dy } = this.reach, wide = x1 - x0 + dx, high = y1 - y0 + dy;
     const room = Math.max(60, this.box.clientWidth), zoom = Math.min(room / wide, kMapHeight_px / high), dense = window.devicePixelRatio || 1;
@@ -87,16 +93,20 @@ class HeatMap {
     pen.clearRect(0, 0, width, height);
     const at = (x, y) => [(x - x0 + dx / 2) * zoom, (y1 - y + dy / 2) * zoom];
     const paint = colours(), cell = [dx * zoom, dy * zoom].map((side) => side - (side > 5 ? 1 : 0));
+    const corner = (i, side) => at(this.places.x_m[i], this.places.y_m[i]).map((middle, n) => middle - side[n] / 2);
     for (const i of this.order) {
-      const [x, y] = at(this.places.x_m[i], this.places.y_m[i]), corner = [x - cell[0] / 2, y - cell[1] / 2];
       const press_N = a && this.press(a, i);
       if (known(press_N)) {
         pen.fillStyle = paint.heat(this.scale_N === null ? 0 : press_N / this.scale_N);
-        pen.fillRect(...corner, ...cell);
-      } else {
-        drawMark(pen, a && stateOf(a.state[i]), corner, cell, paint);
+        pen.fillRect(...corner(i, cell), ...cell);
+      } else if (!a && Math.min(...cell) > 5) {
+        drawMark(pen, null, corner(i, cell), cell, paint);
       }
-      if (a && a.state[i] & kOutside) frame_of(pen, corner, cell, paint.ink);
+    }
+    const sign = cell.map((side) => Math.max(side, kSign_px));  // above the neighbours, so that it can be seen
+    if (a) for (const i of this.order) {
+      if (a.state[i] & kOutside) frame_of(pen, corner(i, cell), cell, paint.ink);
+      if (stateOf(a.state[i])) drawMark(pen, stateOf(a.state[i]), corner(i, sign), sign, paint);
     }
     if (a && known(a.cop_S_m[0])) drawCentre(pen, at(a.cop_S_m[0], a.cop_S_m[1]), a.cop_sd_m.map((sd) => (sd || 0) * zoom), paint);
   }
