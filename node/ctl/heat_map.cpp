@@ -58,8 +58,8 @@ Raster raster_of(const SegmentView& segment, std::uint32_t sensor, const Array& 
     // Cells are square, as large as the smaller spacing, and larger where the picture would not fit.
     const float cell = std::max({std::min(box.pitch_x, box.pitch_y), wide / float(max_columns), high / float(max_rows)});
     Raster raster;
-    const auto count = [&](float length, unsigned most) {
-        return std::clamp(unsigned(std::lround(length / cell)), 1u, most);
+    const auto count = [&](float length, unsigned max) {
+        return std::clamp(unsigned(std::lround(length / cell)), 1u, max);
     };
     raster.columns = count(wide, max_columns);
     raster.rows = count(high, max_rows);

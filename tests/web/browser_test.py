@@ -405,6 +405,8 @@ class Arrays(Base):
         self.pad.is_paused = True
         wait_for(is_empty, "a BAD array")
         self.assertGreater(self.heat("tip"), 300)
+        self.web.process.kill()
+        wait_for(lambda: self.heat("tip") == 0 and "no values" in self.map_text("tip"), "an empty map of a killed server")
 
     def test_a_map_asks_five_to_ten_times_a_second_and_only_where_it_can_be_seen(self):
         count = "return performance.getEntriesByType('resource').filter((e) => e.name.includes('/api/array?sensor=pad')).length"
