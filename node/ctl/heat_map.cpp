@@ -17,6 +17,7 @@ constexpr std::size_t kStates = 4;  // the first ones of kTaxelStates leave no f
 // Plain: from no press to the largest one; the states. Colours are numbers of the palette of 256.
 constexpr std::string_view kRamp = ".:-=+*#%@", kMarks = "?!x~";
 constexpr int kColours[] = {236, 54, 90, 126, 162, 203, 209, 215, 222, 230}, kMarkColours[] = {27, 51, 28, 120};
+constexpr int kMaxDark = 203;            // the colours after it are bright
 constexpr int kNone = -1, kCentre = -2;  // a place without a taxel; the centre of pressure
 
 // A picture of the array with square cells, row 0 on top.
@@ -58,9 +59,7 @@ Raster raster_of(const SegmentView& segment, std::uint32_t sensor, const Array& 
     // Cells are square, as large as the smaller spacing, and larger where the picture would not fit.
     const float cell = std::max({std::min(box.pitch_x, box.pitch_y), wide / float(max_columns), high / float(max_rows)});
     Raster raster;
-    const auto count = [&](float length, unsigned max) {
-        return std::clamp(unsigned(std::lround(length / cell)), 1u, max);
-    };
+    const auto count = [&](float length, unsigned max) { return std::clamp(unsigned(std::lround(length / cell)), 1u, max); };
     raster.columns = count(wide, max_columns);
     raster.rows = count(high, max_rows);
     raster.press_N.assign(std::size_t(raster.rows) * raster.columns, kNan);
@@ -121,8 +120,9 @@ std::string coloured_line(const Raster& raster, unsigned row, float scale_N) {
             line += (ink >= 0 ? fmt::format("\x1b[38;5;{}m", ink) : "") +
                     (paper >= 0 ? fmt::format("\x1b[48;5;{}m", paper) : "") + c + "\x1b[0m";
         };
+        const int other = std::max({0, upper, lower});
         if (upper == kCentre || lower == kCentre)
-            paint(15, std::max(0, std::max(upper, lower)), "+");
+            paint(other > kMaxDark ? 16 : 15, other, "+");  // black or white
         else if (upper == kNone)
             paint(lower, kNone, lower == kNone ? " " : "▄");
         else
@@ -130,6 +130,9 @@ std::string coloured_line(const Raster& raster, unsigned row, float scale_N) {
     }
     return line;
 }
+
+// In mm, rounded; never -0.
+float tenths(float value_m) { return std::round(1e4f * value_m) / 10 + 0.f; }
 
 std::string padded(const std::string& text, unsigned width) { return fmt::format("{:<{}.{}}", text, width, width); }
 
@@ -163,8 +166,8 @@ std::vector<std::string> heat_map(const SegmentView& segment, std::uint32_t sens
                            width));
     const float sd_mm = 1e3f * std::max(head.cop_sd_m[0], head.cop_sd_m[1]);
     lines.push_back(padded(std::isfinite(head.cop_S_m[0])
-                               ? fmt::format("{} {:.1f} {:.1f} +-{:.2f} mm", plain ? "()" : "+", 1e3f * head.cop_S_m[0],
-                                             1e3f * head.cop_S_m[1], sd_mm)
+                               ? fmt::format("{} {:.1f} {:.1f} +-{:.2f} mm", plain ? "()" : "+", tenths(head.cop_S_m[0]),
+                                             tenths(head.cop_S_m[1]), sd_mm)
                                : "no centre of pressure",
                            width));
     const unsigned columns = plain ? 2 * raster.columns : raster.columns;

@@ -1,4 +1,4 @@
-// tactilectl top: shows sensors, links and grasp live in a terminal of 80 x 24; in a pipe it prints one snapshot
+// tactilectl top: shows sensors, links, grasp and arrays live in a terminal of 80 x 24; in a pipe it prints one snapshot
 // after the other.
 #include <fmt/format.h>
 #include <poll.h>

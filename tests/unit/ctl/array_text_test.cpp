@@ -162,6 +162,14 @@ TEST_F(ArrayTextTest, TwoRowsOfATaxelAreAColouredLine) {
     EXPECT_EQ(lines[1], "\x1b[38;5;236m▀\x1b[0m\x1b[38;5;236m▀\x1b[0m");
 }
 
+TEST_F(ArrayTextTest, TheCentreIsAPlusOnTheColourBesideIt) {
+    make(2, 1, grid(2, 1), 1);
+    head_.cop_S_m[0] = -1e-5f;
+    head_.cop_S_m[1] = 0;
+    EXPECT_EQ(picture(1, 8, Ink::colours), (Lines{"\x1b[38;5;16m\x1b[48;5;230m+\x1b[0m"}));
+    EXPECT_EQ(heat_map(segment_, 0, read(), 30, 8, Ink::plain)[2], "() 0.0 0.0 +-0.00 mm          ");
+}
+
 TEST_F(ArrayTextTest, WithoutAPressTheNoiseHasTheFirstStep) {
     make(2, 2, grid(2, 2), 0);
     head_.peak_N = head_.cop_S_m[0] = kNan;
