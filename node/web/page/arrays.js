@@ -94,10 +94,12 @@ class HeatMap {
     const at = (x, y) => [(x - x0 + dx / 2) * zoom, (y1 - y + dy / 2) * zoom];
     const paint = colours(), cell = [dx * zoom, dy * zoom].map((side) => side - (side > 5 ? 1 : 0));
     const corner = (i, side) => at(this.places.x_m[i], this.places.y_m[i]).map((middle, n) => middle - side[n] / 2);
+    const press_N = a && this.press(a);
+    let ink = "";  // the canvas takes long to read a colour
     for (const i of this.order) {
-      const press_N = a && this.press(a, i);
-      if (known(press_N)) {
-        pen.fillStyle = paint.heat(this.scale_N === null ? 0 : press_N / this.scale_N);
+      if (a && known(press_N[i])) {
+        const next = paint.heat(this.scale_N === null ? 0 : press_N[i] / this.scale_N);
+        if (ink !== next) pen.fillStyle = ink = next;
         pen.fillRect(...corner(i, cell), ...cell);
       } else if (!a && Math.min(...cell) > 5) {
         drawMark(pen, null, corner(i, cell), cell, paint);
@@ -110,16 +112,10 @@ class HeatMap {
     }
     if (a && known(a.cop_S_m[0])) drawCentre(pen, at(a.cop_S_m[0], a.cop_S_m[1]), a.cop_sd_m.map((sd) => (sd || 0) * zoom), paint);
   }
-  // Along the normal, N; null without a force.
-  press(a, i) {
-    let sum = 0;
-    for (const axis of "xyz") {
-      const of = a[`f${axis}_N`];
-      if (!of) continue;
-      if (of[i] === null) return null;
-      sum -= of[i] * this.places[`normal_${axis}`][i];
-    }
-    return sum;
+  // Of each taxel along its normal, N; null without a force.
+  press(a) {
+    const parts = [..."xyz"].map((axis) => [a[`f${axis}_N`], this.places[`normal_${axis}`]]).filter(([force]) => force);
+    return a.state.map((_, i) => (parts[0][0][i] === null ? null : parts.reduce((sum, [force, normal]) => sum - force[i] * normal[i], 0)));
   }
   showLegend(a) {
     const counts = new Map();
