@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "node/ctl/array_text.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/liveness.hpp"
 #include "node/ctl/verb.hpp"
@@ -17,7 +18,7 @@ namespace {
 
 struct Args {
     std::string node = "gripper", sensor;
-    bool follow = false, csv = false, json = false, raw = false;
+    bool follow = false, csv = false, json = false, raw = false, array = false;
     long count = 0;
     double timeout_s = 2;
 };
@@ -62,6 +63,27 @@ bool report_daemon(const Reader& reader) {
     return liveness.is_dead();
 }
 
+int read_array(const Args& args, Reader& reader) {
+    Array array;
+    if (!reader.latest(array)) {
+        fmt::print(stderr, "tactilectl: the sensor \"{}\" has no taxels\n", args.sensor);
+        return kUsage;
+    }
+    const SegmentView segment = reader.segment();
+    const auto sensor = std::uint32_t(segment.find(args.sensor));
+    std::string out;
+    if (args.json) {
+        out = R"({"schema":1,)";
+        append_array_json(segment, sensor, array, out);
+        out.back() = '}';
+        out += '\n';
+    } else {
+        out = args.csv ? array_csv(segment, sensor, array) : array_table(segment, sensor, array);
+    }
+    fmt::print("{}", out);
+    return report_daemon(reader) ? kNotReachable : array.head().sample.quality == TACTILED_BAD ? kUnhealthy : kGood;
+}
+
 int read(const Args& args) {
     catch_interrupt();
     Reader reader(args.node, args.sensor);
@@ -71,6 +93,7 @@ int read(const Args& args) {
         if (!Segment::try_open(args.node, unused).is_open()) return kNotReachable;
         return kUsage;
     }
+    if (args.array) return read_array(args, reader);
     if (args.csv)
         fmt::print("t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality\n");
     else if (!args.json)
@@ -112,10 +135,11 @@ Run add_read(Command verb) {
     auto args = std::make_shared<Args>();
     verb.add_option("sensor", args->sensor, "name of the sensor").required();
     add_node_option(verb, args->node);
-    verb.add_flag("--follow", args->follow, "every sample, as they come");
-    verb.add_flag("--csv", args->csv, "columns of forces.csv");
+    const Option follow = verb.add_flag("--follow", args->follow, "every sample, as they come");
+    verb.add_flag("--csv", args->csv, "columns of forces.csv, or a line for each taxel");
     verb.add_flag("--json", args->json, "one JSON object a line");
-    verb.add_flag("--raw", args->raw, "before tare (text and CSV; JSON has both)");
+    const Option raw = verb.add_flag("--raw", args->raw, "before tare (text and CSV; JSON has both)");
+    verb.add_flag("--array", args->array, "the newest array of a sensor with taxels").excludes(follow).excludes(raw);
     verb.add_option("--count", args->count, "with --follow: end after so many")
         .integer_in(1L, 1'000'000'000L)
         .needs("--follow");

@@ -218,6 +218,7 @@ nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot) {
                               {"tare_count", s.tare_count}};
         for (unsigned bit = 0; bit < kReasonWords.size(); ++bit)
             sensor["samples"][kReasonWords[bit]] = tactiled_reason_count(segment.c(), i, bit);
+        if (segment.has_array(i)) sensor["taxels"] = segment.c()->array[i].n_taxels;
         if (nlohmann::json front = auto_json(segment, i, s); !front.is_null()) sensor["auto"] = std::move(front);
         out["sensors"].push_back(std::move(sensor));
     }

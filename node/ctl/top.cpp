@@ -1,16 +1,20 @@
-// tactilectl top: shows sensors, links and grasp live in a terminal of 80 x 24; in a pipe it prints one snapshot
+// tactilectl top: shows sensors, links, grasp and arrays live in a terminal of 80 x 24; in a pipe it prints one snapshot
 // after the other.
 #include <fmt/format.h>
 #include <poll.h>
+#include <sys/ioctl.h>
 #include <termios.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <memory>
 #include <optional>
+#include <span>
 #include <sstream>
 #include <thread>
 
+#include "node/ctl/array_text.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/grasp_text.hpp"
 #include "node/ctl/status_text.hpp"
@@ -58,6 +62,58 @@ std::string table(const Segment& segment, const Snapshot& snapshot) {
                                                    sum(TACTILED_LINK_BAD_VALUE),
                                                sum(TACTILED_LINK_SKIPPED), sum(TACTILED_LINK_RING_FULL)));
     return out + grasp_lines(segment, node.grasp) + tool_lines(node.tool);
+}
+
+constexpr unsigned kColumns = 80;
+constexpr std::size_t kMapsAbreast = 3, kMinMapLines = 6, kMaxMapLines = 8, kDefaultLines = 24, kNoLimit = 1000;
+
+// Heat maps side by side.
+std::string abreast(const Segment& segment, std::span<const std::uint32_t> sensors, unsigned width, unsigned height) {
+    std::vector<std::vector<std::string>> maps;
+    std::size_t lines = 0;
+    Array array;
+    for (const std::uint32_t sensor : sensors) {
+        segment.latest(sensor, array);
+        maps.push_back(heat_map(segment, sensor, array, width, height, ink_of_output()));
+        lines = std::max(lines, maps.back().size());
+    }
+    std::string out;
+    for (std::size_t line = 0; line < lines; ++line)
+        for (const auto& map : maps)
+            out += (line < map.size() ? map[line] : std::string(width, ' ')) + (&map == &maps.back() ? "\n" : "  ");
+    return out;
+}
+
+// Heat maps of the sensors with taxels, in at most `lines` lines.
+std::string array_maps(const Segment& segment, std::size_t lines) {
+    std::vector<std::uint32_t> sensors;
+    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
+        if (segment.has_array(i)) sensors.push_back(i);
+    const std::size_t columns = std::clamp<std::size_t>(sensors.size(), 1, kMapsAbreast);
+    const unsigned width = (kColumns - 2 * unsigned(columns - 1)) / unsigned(columns);
+    if (sensors.empty() || lines == 0) return "";
+    std::string out = heat_map_legend(ink_of_output()) + "\n";
+    --lines;
+    for (std::span<const std::uint32_t> left = sensors; !left.empty();) {
+        if (lines < kMinMapLines)
+            return out + fmt::format("{} more: tactilectl read {} --array\n", left.size(), segment.sensor(left[0]).name);
+        const std::size_t n = std::min(left.size(), columns);
+        const std::string row = abreast(segment, left.first(n), width, unsigned(std::min(kMaxMapLines, lines - kMapHead)));
+        out += row;
+        lines -= std::size_t(std::ranges::count(row, '\n'));
+        left = left.subspan(n);
+    }
+    return out;
+}
+
+// The table, the maps that fit below it, and the note.
+std::string screen(const Segment& segment, const Snapshot& snapshot, const std::string& note) {
+    const std::string above = table(segment, snapshot);
+    winsize size{};
+    const std::size_t lines =
+        ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_row != 0 ? size.ws_row : kDefaultLines;
+    const auto used = std::size_t(std::ranges::count(above + note, '\n')) + 1;
+    return above + array_maps(segment, lines > used ? lines - used : 0) + note;
 }
 
 // Each line overwrites the old one: no flicker, and no rest of a longer line.
@@ -129,9 +185,9 @@ int top(const Args& args) {
             if (args.json)
                 fmt::print("{}\n", status_json(segment, snapshot).dump());
             else if (redraw)
-                draw(table(segment, snapshot) + (args.note.empty() ? "" : "\n" + args.note + "\n"));
+                draw(screen(segment, snapshot, args.note.empty() ? "" : "\n" + args.note + "\n"));
             else
-                fmt::print("{}\n", table(segment, snapshot));
+                fmt::print("{}\n", table(segment, snapshot) + array_maps(segment, kNoLimit));
             exit_status = liveness_of(segment).is_dead()  ? kNotReachable
                           : is_healthy(segment, snapshot) ? kGood
                                                           : kUnhealthy;

@@ -15,9 +15,11 @@ namespace {
 constexpr Verb kVerbs[] = {
     {"status", add_status, "All sensors, links and the grasp once; exit status 1 when a sensor has no value",
      "  tactilectl status\n  tactilectl status --json | jq .fault\n"},
-    {"top", add_top, "Sensors, links and grasp, live; q ends it", "  tactilectl top\n  tactilectl top --json --count 10\n"},
+    {"top", add_top, "Sensors, links, grasp and arrays, live; q ends it",
+     "  tactilectl top\n  tactilectl top --json --count 10\n"},
     {"read", add_read, "The newest sample of a sensor, or all of them as they come",
-     "  tactilectl read left\n  tactilectl read left --follow --csv --count 1000 > forces.csv\n"},
+     "  tactilectl read left\n  tactilectl read left --follow --csv --count 1000 > forces.csv\n  tactilectl read skin "
+     "--array\n"},
     {"record", add_record, "All frames and samples into an MCAP file, until Ctrl-C or the daemon's end",
      "  tactilectl record pick.mcap --seconds 10\n"},
     {"replay", add_replay, "Processes a recording with the daemon's own code, and compares the samples",

@@ -117,7 +117,10 @@ private:
                     const View& view = source_.view();
                     return std::string(view.is_alive ? view.segment->header().control : "");
                 },
-                [this] { return node_; }};
+                [this] { return node_; },
+                [this](const std::string& sensor) { return find_array(source_.view(), sensor); },
+                [this](std::uint32_t sensor) { return array_body(source_.view(), sensor); },
+                [this](std::uint32_t sensor) { return places_body(source_.view(), sensor); }};
     }
     std::vector<std::string> sensor_names() const {
         std::vector<std::string> names;
@@ -193,6 +196,7 @@ int main(int argc, char** argv) {
         "Examples:\n"
         "  tactiled-web                        then open http://localhost:8080/\n"
         "  curl localhost:8080/metrics         for Prometheus; /api/status is JSON\n"
+        "  curl 'localhost:8080/api/array?sensor=skin'   forces of the taxels; /api/places has their places\n"
         "  tactiled-web --token-file token     commands, after: openssl rand -hex 16 > token\n"
         "  tactiled-web pick.mcap              a recording, at its own pace\n"
         "  ssh -L 8080:localhost:8080 GRIPPER  the page of another machine, encrypted");

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <span>
 
+#include "node/ctl/array_text.hpp"
 #include "node/ctl/grasp_text.hpp"
 #include "node/ctl/status_text.hpp"
 #include "node/ctl/verb.hpp"
@@ -118,6 +119,7 @@ std::string hello_message(const View& view, const std::string& run, bool has_com
                        {"commands", has_commands},
                        {"reasons", ctl::kReasonWords},
                        {"link_counts", ctl::kLinkCountNames},
+                       {"taxel_states", ctl::kTaxelStates},
                        {"sensors", nlohmann::json::array()},
                        {"links", nlohmann::json::array()}};
     for (const auto& text : ctl::kReasonTexts) out["meanings"].push_back(text.meaning);
@@ -138,7 +140,8 @@ std::string hello_message(const View& view, const std::string& run, bool has_com
                                   {"link", s.link},
                                   {"stale_ms", s.stale_ms},
                                   {"components", s.components},
-                                  {"full_scale", s.full_scale}});
+                                  {"full_scale", s.full_scale},
+                                  {"taxels", segment.has_array(i) ? segment.c()->array[i].n_taxels : 0}});
     }
     for (std::uint32_t i = 0; i < view.n_links(); ++i)
         out["links"].push_back({{"name", segment.link(i).name},
@@ -215,6 +218,28 @@ std::string events_body(const Timeline& timeline) {
     std::string out = R"({"schema":1,"events":)";
     timeline.encode(0, out);
     return out + "}\n";
+}
+
+std::string array_body(const View& view, std::uint32_t sensor) {
+    std::string out = R"({"schema":1,)";
+    Text text(out);
+    Array array;
+    view.segment->latest(sensor, array);
+    ctl::append_array_json(*view.segment, sensor, array, out);
+    text.raw(fmt::format("\"t_s\":{:.4f},", double(monotonic_ns()) / 1e9)).whole("wall_ms", view.wall_ms).end('}').raw("\n");
+    return out;
+}
+
+std::string places_body(const View& view, std::uint32_t sensor) {
+    std::string out = R"({"schema":1,)";
+    ctl::append_places_json(*view.segment, sensor, out);
+    Text(out).end('}').raw("\n");
+    return out;
+}
+
+int find_array(const View& view, const std::string& sensor) {
+    const int index = view.segment->is_open() ? view.segment->find(sensor) : -1;
+    return index >= 0 && view.segment->has_array(std::uint32_t(index)) ? index : -1;
 }
 
 }  // namespace tactiled::web

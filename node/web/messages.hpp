@@ -20,6 +20,11 @@ std::string frame_message(const View& view, bool links);
 // /api/status: the object of `tactilectl status --json` with more keys; api.schema.json describes it.
 std::string status_body(const View& view, const std::string& node_name);
 std::string events_body(const Timeline& timeline);
+// /api/array: the object of `tactilectl read SENSOR --array --json` with more keys; /api/places: what does not change.
+std::string array_body(const View& view, std::uint32_t sensor);
+std::string places_body(const View& view, std::uint32_t sensor);
+// Returns the index of the sensor with taxels of that name, or -1.
+int find_array(const View& view, const std::string& sensor);
 
 // The page /metrics: Prometheus' text format 0.0.4, SI base units. A value that is not known is NaN, never the last one.
 std::string metrics_text(const View& view, const std::string& node_name, std::size_t streams);

@@ -22,6 +22,7 @@
 namespace tactiled::web {
 namespace {
 
+constexpr const char* kJson = "application/json; charset=utf-8";
 constexpr std::size_t kMaxBody = 4096;
 constexpr std::size_t kConnectionMemory = 16 * 1024;  // request line and header fields
 constexpr int kSendBuffer = 128 * 1024;               // buffer of the kernel: the limit of unread data for a slow page
@@ -84,7 +85,7 @@ MHD_Result refuse(MHD_Connection* connection, unsigned status, const std::string
                   const char* value = nullptr) {
     const std::string body =
         nlohmann::json{{"schema", 1}, {"error", why}}.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
-    return send(connection, status, body + "\n", "application/json; charset=utf-8", true, extra, value);
+    return send(connection, status, body + "\n", kJson, true, extra, value);
 }
 
 }  // namespace
@@ -273,14 +274,26 @@ MHD_Result Server::answer(MHD_Connection* connection, const std::string& path, c
     if (is_command) return refuse(connection, 405, "commands are sent with POST", "Allow", "POST");
     if (method != "GET" && method != "HEAD")
         return refuse(connection, 405, "only GET and HEAD are known here", "Allow", "GET, HEAD");
-    constexpr const char* kJson = "application/json; charset=utf-8";
     if (path == "/api/status") return send_made(connection, path, content_.status, kJson);
     if (path == "/api/events") return send_made(connection, path, content_.events, kJson);
     if (path == "/metrics") return send_made(connection, path, content_.metrics, "text/plain; version=0.0.4; charset=utf-8");
+    if (path == "/api/array") return send_array(connection, path, content_.array);
+    if (path == "/api/places") return send_array(connection, path, content_.places);
     if (path == "/api/stream" && method == "GET") return open_stream(connection);
     for (const Asset& asset : assets())
         if (asset.path == path) return send(connection, 200, asset.content, asset.type.data(), false);
-    return refuse(connection, 404, "known are /, /metrics, /api/status, /api/events, /api/schema and /api/command");
+    return refuse(connection, 404,
+                  "known are /, /metrics, /api/status, /api/events, /api/array, /api/places, /api/schema and /api/command");
+}
+
+MHD_Result Server::send_array(MHD_Connection* connection, const std::string& path,
+                              const std::function<std::string(std::uint32_t sensor)>& make) {
+    const char* const sensor = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "sensor");
+    if (sensor == nullptr) return refuse(connection, 400, "the request names no sensor: " + path + "?sensor=NAME");
+    const int index = content_.find_array(sensor);
+    if (index < 0) return refuse(connection, 404, fmt::format("there is no sensor \"{}\" with taxels", sensor));
+    return send_made(
+        connection, fmt::format("{} {}", path, index), [&] { return make(std::uint32_t(index)); }, kJson);
 }
 
 // A thousand requests within a tick cost one body.
@@ -398,8 +411,7 @@ MHD_Result Server::answer_command(MHD_Connection* connection, const Exchange& ex
     const std::string why = done.answer.substr(std::min(done.answer.size(), std::size_t(used) + 1));
     const nlohmann::json body{{"schema", 1}, {"request", done.request}, {"state", state}, {"result", result}, {"why", why}};
     return send(connection, result == TACTILED_COMMAND_OK ? 200 : 409,
-                body.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n",
-                "application/json; charset=utf-8");
+                body.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) + "\n", kJson);
 }
 
 }  // namespace tactiled::web

@@ -32,6 +32,9 @@ struct Content {
     std::function<std::string()> status, events, metrics;
     std::function<std::vector<std::string>()> sensors;
     std::function<std::string()> control, node;  // path of the control socket; name in requests
+    // Index of the sensor with taxels of that name, or -1; its newest array, and the places of its taxels.
+    std::function<int(const std::string& sensor)> find_array;
+    std::function<std::string(std::uint32_t sensor)> array, places;
 };
 
 class Server {
@@ -71,6 +74,8 @@ private:
     static void end_stream(void* stream);
 
     MHD_Result answer(MHD_Connection* connection, const std::string& path, const std::string& method, Exchange& exchange);
+    MHD_Result send_array(MHD_Connection* connection, const std::string& path,
+                          const std::function<std::string(std::uint32_t sensor)>& make);
     MHD_Result send_made(MHD_Connection* connection, const std::string& path, const std::function<std::string()>& make,
                          const char* type);
     // Streams whose client is still there. One that has left keeps its entry until the next frame cannot be sent.
@@ -97,7 +102,7 @@ private:
         std::uint64_t tick = 0;
         std::shared_ptr<MHD_Response> response;
     };
-    std::map<std::string, Made> made_;  // by path
+    std::map<std::string, Made> made_;  // by path, and for arrays the sensor's index
     std::uint64_t tick_ = 1, greeting_tick_ = 0;
     std::shared_ptr<const std::string> greeting_;
     std::shared_ptr<const std::string> frame_;

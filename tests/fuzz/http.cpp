@@ -58,7 +58,10 @@ struct Site {
                         ++commands;
                         return std::vector<std::string>{"left"};
                     },
-                    [] { return std::string(); }, [] { return std::string("node"); }});
+                    [] { return std::string(); }, [] { return std::string("node"); },
+                    [](const std::string& sensor) { return sensor == "left" ? 0 : -1; },
+                    [](std::uint32_t) { return std::string("array"); },
+                    [](std::uint32_t) { return std::string("places"); }});
     }
     int fd;
     sockaddr_in to{};

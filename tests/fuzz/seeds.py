@@ -202,8 +202,8 @@ def isotp(put):
 
 def http(put):
     host = "Host: localhost:8080"
-    for n, path in enumerate(("/", "/api/status", "/api/events", "/api/stream", "/metrics", "/api/command", "/nothing")):
-        put(bytes([40 * n]) + f"GET {path} HTTP/1.1\r\n{host}\r\n\r\n".encode())
+    for n, path in enumerate(("/", "/api/status", "/api/events", "/api/stream", "/metrics", "/api/command", "/nothing", "/api/array?sensor=left")):
+        put(bytes([30 * n]) + f"GET {path} HTTP/1.1\r\n{host}\r\n\r\n".encode())
     for fields in ((host, "Origin: http://localhost:8080"), ("Host: gripper.example", "Origin: https://gripper.example"), ("Host: [::1]:80",), ("Host: evil.example",),
                    (host, "Origin: http://evil.example"), (host, "Sec-Fetch-Site: cross-site", "Sec-Fetch-Mode: cors"), (host, "Sec-Fetch-Site: same-site", "Sec-Fetch-Mode: navigate")):
         put(b"\xff" + ("GET /metrics HTTP/1.1\r\n" + "\r\n".join(fields) + "\r\n\r\n").encode())

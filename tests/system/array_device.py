@@ -1,5 +1,6 @@
 """A pressed array of taxels that sends its frames as datagrams, written from drivers/wire/array_frame.md, and a daemon that
 reads it."""
+import json
 import math
 import random
 import select
@@ -10,7 +11,6 @@ import time
 import zlib
 
 from daemon import Daemon, free_port, wait_for
-from unit_daemon import quality_is
 
 FORMAT, ANSWER = 3, 4  # first byte of a piece, and of an answer
 I16, MAX_I16 = 2, 32767
@@ -172,5 +172,9 @@ def array_daemon(*devices, dead=(), stale_ms=1000):
     for device in devices:
         (daemon.folder / f"{device.name}.toml").write_text(device.calibration(dead))
     daemon.start()
-    wait_for(quality_is(daemon, "good"), "a good value")
+
+    def is_ready():
+        qualities = [sensor["quality"] for sensor in json.loads(daemon.ctl("status", "--json").stdout)["sensors"]]
+        return all(quality.startswith(("good", "uncertain")) and "stepped" not in quality for quality in qualities)
+    wait_for(is_ready, "values")
     return daemon

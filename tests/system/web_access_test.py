@@ -61,7 +61,7 @@ class Access(WebCase):
         self.assertEqual(self.tares(), 0)
 
     def test_names_of_strangers_and_pages_of_other_origins_may_not_read(self):
-        paths = ["/", "/app.js", "/api/status", "/api/stream", "/metrics", "/api/events"]
+        paths = ["/", "/app.js", "/api/status", "/api/stream", "/metrics", "/api/events", "/api/array?sensor=left", "/api/places?sensor=left"]
         for path in paths:
             for host in ("evil.example", "evil.example:8080", "localhost.evil.example", "127.0.0.1.evil.example", "127.0.0.1@evil.example", "127.1", "0x7f000001", "[::1", ""):
                 self.assertIn(self.locked.ask(path, Host=host)[0], (400, 403), (path, host))
@@ -73,7 +73,7 @@ class Access(WebCase):
         self.assertEqual(self.open.ask("/api/status", Host="gripper.example")[0], 200)
 
     def test_every_answer_has_the_strict_fields(self):
-        for path, code in (("/", 200), ("/app.js", 200), ("/look.css", 200), ("/uPlot.js", 200), ("/api/status", 200), ("/metrics", 200), ("/api/schema", 200), ("/nothing", 404), ("/../etc/passwd", 404)):
+        for path, code in (("/", 200), ("/app.js", 200), ("/look.css", 200), ("/uPlot.js", 200), ("/api/status", 200), ("/metrics", 200), ("/api/schema", 200), ("/api/array", 400), ("/api/places?sensor", 400), ("/api/array?sensor=left", 404), ("/nothing", 404), ("/../etc/passwd", 404)):
             got, fields, body = self.locked.ask(path)
             self.assertEqual(got, code, path)
             policy = dict(part.strip().split(" ", 1) for part in fields["content-security-policy"].split(";"))

@@ -3,11 +3,12 @@
 
     ./node/install-packages.sh browser && /usr/bin/python3 tests/web/browser_test.py
     MINUTES=10 /usr/bin/python3 tests/web/browser_test.py Long      memory of server and page with four clients
-    PICTURES=1 /usr/bin/python3 tests/web/browser_test.py Pictures  writes node/web/*.png
+    PICTURES=1 /usr/bin/python3 tests/web/browser_test.py Pictures Arrays    writes node/web/*.png
 
 Prints what it measured. Skips without Chromium; TACTILED_MUST=1: fails instead."""
 import collections
 import json
+import math
 import os
 import pathlib
 import shutil
@@ -21,6 +22,7 @@ import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests/system"))
+from array_device import ArrayDevice, array_daemon  # noqa: E402
 from daemon import Daemon, wait_for  # noqa: E402
 from simulated_node import simulated_node  # noqa: E402
 from unit_daemon import CALIBRATION, quality_is, unit_daemon  # noqa: E402
@@ -350,6 +352,95 @@ class Others(Base):
         self.assertEqual(self.names()[0], odd.decode())
         self.assertEqual(self.js("return document.querySelectorAll('main img').length"), 0)
         self.assertEqual(self.errors(), [])
+
+
+class Arrays(Base):
+    """A pad with taxels that are out, and a curved fingertip."""
+    TIP_M = [(8e-3 * math.sin(0.28 * k), 2.4e-3 * row, 8e-3 * math.cos(0.28 * k) - 8e-3) for row in range(-4, 5) for k in range(-4, 5)]
+
+    def setUp(self):
+        self.pad, self.tip = (self.enterContext(device) for device in (ArrayDevice("pad", 16, 16), ArrayDevice("tip", values=3, places_m=self.TIP_M)))
+        self.pad.body = lambda t_s: (6e-3 * math.sin(t_s / 3), 5e-3 * math.cos(t_s / 4), 4.0, 8e-3)
+        self.tip.body = lambda t_s: (2e-3, 3e-3, 1.5 + 0.5 * math.sin(t_s), 5e-3)
+        self.pad.missing |= {3, 40, 41}
+        self.daemon = array_daemon(self.pad, self.tip, dead=[20, 68])
+        self.addCleanup(shutil.rmtree, self.daemon.folder)
+        self.addCleanup(self.daemon.__exit__)
+        self.start_page()
+
+    def heat(self, sensor):
+        """Pixels of the map with a strong colour."""
+        return self.js("""const c = document.querySelector(`[data-sensor=${arguments[0]}] .map canvas`), d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+            let n = 0; for (let i = 0; i < d.length; i += 4) n += d[i + 3] > 0 && Math.max(d[i], d[i + 1], d[i + 2]) - Math.min(d[i], d[i + 1], d[i + 2]) > 60; return n""", sensor)
+
+    def map_text(self, sensor):
+        return self.text(f"[data-sensor={sensor}] .map-text")
+
+    def test_the_maps_show_press_centre_scale_and_the_taxels_that_are_out(self):
+        wait_for(lambda: self.heat("pad") > 500 and self.heat("tip") > 300, "colours")
+        self.assertRegex(self.map_text("pad"), r"^centre x -?\d+\.\d\d ± 0\.\d\d, y -?\d+\.\d\d ± 0\.\d\d mm; area \d+ ± \d+ mm²; peak 0\.\d+ ± 0\.\d+ N$")
+        legend = self.text("[data-sensor=pad] .map-legend")
+        self.assertRegex(legend, r"^00\.\d+ N.*dead 2.*$")
+        self.assertIn("missing 3", legend)
+        self.pad.saturated = {100}
+        wait_for(lambda: "saturated 1" in self.text("[data-sensor=pad] .map-legend"), "the saturated taxel")
+        wait_for(lambda: self.map_text("pad").startswith("▲ UNCERTAIN"), "the mark")
+        self.assertEqual([entry for entry in self.page.get_log("browser") if entry["level"] == "SEVERE"], [])
+
+    def test_a_map_without_new_values_is_empty_within_half_a_second(self):
+        def is_empty():
+            return self.heat("pad") == 0 and "no values" in self.map_text("pad")
+        for what, stop, go in (("a silent server", lambda: self.web.process.send_signal(signal.SIGSTOP), lambda: self.web.process.send_signal(signal.SIGCONT)),
+                               ("requests that fail", lambda: self.js("window.before = fetch; fetch = () => Promise.reject(new Error())"), lambda: self.js("fetch = before")),
+                               ("requests that hang", lambda: self.js("window.before = fetch; fetch = () => new Promise(() => {})"), lambda: self.js("fetch = before; cards.forEach((c) => { c.map.is_busy = false; })"))):
+            wait_for(lambda: self.heat("pad") > 500, "colours")
+            began = time.monotonic()
+            stop()
+            wait_for(is_empty, f"an empty map after {what}")
+            took = time.monotonic() - began
+            print(f"{what}: the map is empty after {took:.3f} s")
+            self.assertLess(took, STALE_LIMIT_S + 0.3)
+            go()
+        wait_for(lambda: self.heat("pad") > 500, "colours")
+        self.pad.is_paused = True
+        wait_for(is_empty, "a BAD array")
+        self.assertGreater(self.heat("tip"), 300)
+        self.web.process.kill()
+        wait_for(lambda: self.heat("tip") == 0 and "no values" in self.map_text("tip"), "an empty map of a killed server")
+
+    def test_a_map_asks_five_to_ten_times_a_second_and_only_where_it_can_be_seen(self):
+        count = "return performance.getEntriesByType('resource').filter((e) => e.name.includes('/api/array?sensor=pad')).length"
+        self.js("performance.setResourceTimingBufferSize(5000)")
+        before = self.js(count)
+        time.sleep(5)
+        rate_Hz = (self.js(count) - before) / 5
+        print(f"{rate_Hz:.1f} arrays/s")
+        self.assertLess(rate_Hz, 10)
+        self.assertGreater(rate_Hz, 2)  # a busy machine
+        self.js("document.querySelector('[data-sensor=pad]').style.display = 'none'")
+        wait_for(lambda: not self.js("return cards[0].visible"), "the observer")
+        time.sleep(0.5)
+        before = self.js(count)
+        time.sleep(1)
+        self.assertEqual(self.js(count), before)
+
+    def test_light_dark_and_phone(self):
+        folder = pathlib.Path(tempfile.mkdtemp())
+        self.tip.missing.add(10)
+        self.pad.saturated = {130}
+        time.sleep(8)
+        for name, width, height, scheme in (("light", 900, 520, "light"), ("dark", 900, 520, "dark"), ("phone", 390, 844, "light")):
+            self.page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": name == "phone"})
+            self.page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
+            for _ in range(2):  # maps and plots change their sizes first
+                self.js("document.querySelector('[data-sensor=pad] .map').scrollIntoView(); window.scrollBy(0, -20)")
+                wait_for(lambda: self.heat("pad") > 500, "colours")
+                time.sleep(1)
+            self.assertLessEqual(self.js("return document.documentElement.scrollWidth"), width, "nothing is cut off at the right")
+            self.page.save_screenshot(str(folder / f"{name}.png"))
+        if os.environ.get("PICTURES"):
+            shutil.copy(folder / "light.png", ROOT / "node/web/arrays.png")
+        print(f"pictures in {folder}")
 
 
 class Pictures(Base):

@@ -106,6 +106,11 @@ function watch() {
   connect();
 }
 setInterval(watch, 50);
+// Only maps that can be seen ask for arrays.
+setInterval(() => {
+  const now_ms = performance.now();
+  if (!document.hidden) for (const card of cards) if (card.map && card.visible) card.map.update(now_ms);
+}, 35);
 // Timers of a hidden tab sleep: the first picture after it must be judged, too.
 for (const event of ["visibilitychange", "resume"]) document.addEventListener(event, watch);
 
@@ -139,6 +144,7 @@ class Card {
     this.strip = find(".strip");
     this.place = find(".place");
     this.reach_m = 0.01;
+    this.map = about.taxels ? new HeatMap(find(".map"), about) : null;
     this.rows = new Map(this.past.seen.map((c) => [c, this.row(c, find(".rows"))]));
     const [force, torque] = box.querySelectorAll(".plot");
     this.plots = [new Plot(force, this.past, 0, "N"), new Plot(torque, this.past, 3, "Nm")];
@@ -150,7 +156,7 @@ class Card {
       button.setAttribute("aria-label", `${button.textContent} ${about.name}`);
     }
     this.visible = true;
-    this.watch = new IntersectionObserver(([e]) => { this.visible = e.isIntersecting; });
+    this.watch = new IntersectionObserver(([e]) => { this.visible = e.isIntersecting; if (this.map && !this.visible) this.map.hide(); });
     this.watch.observe(box);
     byId("sensors").append(box);
   }
@@ -191,6 +197,7 @@ class Card {
     put(this.facts.temperature, number(s && s.temperature_C, 1, " °C"));
     put(this.facts.touch, !s || quality === kBad ? "–" : s.state & 2 ? "OVERLOAD" : s.state & 1 ? "contact" : "none");
     if (draw && this.visible) this.draw(s);
+    else if (this.map && this.visible && !s) this.map.show(null);
   }
   bar(row, value, sd) {
     if (!known(value)) { row.fill.style.width = row.band.style.width = "0"; row.band.style.minWidth = "0"; return; }
@@ -206,6 +213,7 @@ class Card {
     const now_s = frame ? frame.t_s : 0;
     for (const plot of this.plots) plot.draw(now_s);
     this.strip.setAttribute("aria-label", drawStrip(this.strip, this.past, now_s));
+    if (this.map) return this.map.show(s);
     const cop = s ? s.cop_m : [null, null];
     if (this.place.hidden && known(cop[0]) && known(cop[1])) this.place.hidden = false;
     if (this.place.hidden) return;
