@@ -169,7 +169,7 @@ def compare_forces(base, new, folder, pool, calibrations, signals, forces, messa
     jobs = []
     for name, calibration in calibrations.items():
         toml = tomllib.loads(calibration.read_text())
-        jobs += [(name, calibration, method, path, words) for method in METHODS[toml["model"]]
+        jobs += [(name, calibration, method, path, words) for method in METHODS.get(toml["model"], ())  # an array has no columns
                  for names, path, words in signals if set(toml["channels"]) <= names]
     seen = set()
     for name, outs, done in pool.map(both, ((k, *job) for k, job in enumerate(jobs))):
