@@ -123,7 +123,7 @@ bool TaxelLaw::apply(std::span<const float> raw, TaxelForces& out) noexcept {
     }
     const bool any_outside = !(largest_magnitude(force[2].data(), n) <= full_scale_N_);
     for (std::size_t i = 0; any_outside && i < n; ++i)
-        out.state[i] |= std::uint8_t(std::abs(force[2][i]) > full_scale_N_ ? TACTILED_TAXEL_OUTSIDE : 0);
+        if (std::isfinite(force[2][i]) && std::abs(force[2][i]) > full_scale_N_) out.state[i] |= TACTILED_TAXEL_OUTSIDE;
     if (!places_.is_flat()) turn(out);
     for (std::size_t i = 0; any_out && i < n; ++i)
         if ((out.state[i] & kNoForce) != 0)

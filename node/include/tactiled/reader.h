@@ -171,7 +171,7 @@ static inline int tactiled_array_fits(const struct tactiled_segment* segment, co
     if (plan->ring.slots == 0) return 1;
     return plan->n_taxels >= 1 && plan->n_taxels <= TACTILED_MAX_TAXELS && tactiled_ring_fits(segment, &plan->ring) &&
            plan->ring.record_size >= tactiled_array_size(plan->n_taxels, plan->components) &&
-           (uint64_t)plan->rows * plan->columns <= plan->n_taxels &&
+           (plan->rows == 0 || (uint64_t)plan->rows * plan->columns == plan->n_taxels) &&
            tactiled_fits(segment, plan->place_offset, (uint64_t)plan->n_taxels * 6 * sizeof(float), 4);
 }
 /* Returns 1 if everything that the header describes is within the mapping; else segment->why has the reason. */

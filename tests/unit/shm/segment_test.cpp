@@ -98,6 +98,33 @@ TEST_F(SegmentTest, NumbersWrapAt32BitsWithoutAGap) {
     EXPECT_EQ(reader.lost(), 0u);
 }
 
+TEST_F(SegmentTest, AReaderRefusesAnArrayThatLiesOutside) {
+    SegmentPlan with_array = plan(2);
+    with_array.sensors[1].n_taxels = 6;
+    with_array.sensors[1].taxel_components = 7;
+    with_array.places = {{}, std::vector<float>(36, 0)};
+    SegmentWriter writer(with_array);
+    ASSERT_TRUE(Segment::open(name_).has_array(1));
+    EXPECT_FALSE(Segment::open(name_).has_array(0));
+    std::fstream file(path_, std::ios::in | std::ios::out | std::ios::binary);
+    const std::size_t entry = Segment::open(name_).header().sensor_offset + sizeof(tactiled_sensor);
+    const auto refuses = [&](std::size_t field, std::uint32_t value) {
+        std::uint32_t before = 0;
+        std::string why;
+        file.seekg(long(entry + field)).read(reinterpret_cast<char*>(&before), 4);
+        file.seekp(long(entry + field)).write(reinterpret_cast<const char*>(&value), 4).flush();
+        const bool refused = !Segment::try_open(name_, why).is_open() && why.find("array lies outside") != std::string::npos;
+        file.seekp(long(entry + field)).write(reinterpret_cast<const char*>(&before), 4).flush();
+        return refused;
+    };
+    EXPECT_TRUE(refuses(offsetof(tactiled_sensor, n_taxels), TACTILED_MAX_TAXELS + 1));
+    EXPECT_TRUE(refuses(offsetof(tactiled_sensor, n_taxels), 1000));  // more than a record has
+    EXPECT_TRUE(refuses(offsetof(tactiled_sensor, n_taxels), 0));
+    EXPECT_TRUE(refuses(offsetof(tactiled_sensor, taxel_place_offset), 1u << 30));
+    EXPECT_TRUE(refuses(offsetof(tactiled_sensor, taxel_rows), 1u << 31));
+    EXPECT_TRUE(refuses(offsetof(tactiled_sensor, arrays) + offsetof(tactiled_ring, offset), 1u << 30));
+}
+
 TEST_F(SegmentTest, AReaderRefusesWhatItCannotRead) {
     const auto why = [&] {
         std::string text;
@@ -121,7 +148,7 @@ TEST_F(SegmentTest, AReaderRefusesWhatItCannotRead) {
             file.seekp(long(offset)).write(reinterpret_cast<const char*>(&before), long(size)).flush();
             return text;
         };
-        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.8, this reader knows 1.9"),
+        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.9, this reader knows 1.9"),
                   std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, byte_order), 0x04030201, 4).find("byte order"), std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, total_size), 1u << 30, 4).find("truncated"), std::string::npos);
