@@ -256,7 +256,7 @@ Run add_map(Command verb) {
     struct Args {
         std::string format = "md";
         bool json = false;
-        unsigned sensors = 2;
+        unsigned sensors = 2, values = 1024;
     };
     auto args = std::make_shared<Args>();
     verb.add_option("--format", args->format,
@@ -265,10 +265,13 @@ Run add_map(Command verb) {
         .show_default();
     verb.add_flag("--json", args->json, "the same rows as csv, as JSON");
     verb.add_option("--sensors", args->sensors, "st: how many sensors to unpack").integer_in(1, 16).show_default();
+    verb.add_option("--values", args->values, "st: how many values of an array to join: taxels times components")
+        .integer_in(1, TACTILED_MAX_TAXELS * 3)
+        .show_default();
     return [args] {
         fmt::print("{}", args->json              ? map_json()
                          : args->format == "csv" ? map_csv()
-                         : args->format == "st"  ? map_structured_text(args->sensors)
+                         : args->format == "st"  ? map_structured_text(args->sensors, args->values)
                          : args->format == "man" ? map_manual_page()
                                                  : map_markdown());
         return kGood;
