@@ -24,6 +24,8 @@ const char* type_text(Type type) {
 unsigned size_of(const Register& r) { return r.type == Type::i32 || r.type == Type::f32 ? 2 : 1; }
 bool is_block(const Area& area) { return area.at != 0 && !area.registers.empty() && area.registers.front().at < area.at; }
 unsigned address_of(const Area& area, const Register& r) { return is_block(area) ? area.at + r.at : r.at; }
+// Returns an address in the notation of manuals: 3xxxx or 4xxxx, with six digits where five do not suffice.
+unsigned number_of(unsigned kind, unsigned at) { return at < 9999 ? 10000 * kind + 1 + at : 100000 * kind + 1 + at; }
 bool is_holding_only(const Area& area) { return area.block == Block::controls || area.block == Block::scratch; }
 
 std::string access_of(const Register& r) {
@@ -61,7 +63,8 @@ std::string range_of(const Register& r) {
 }
 
 constexpr const char* kRules[] = {
-    "Addresses are those on the wire, from 0. The manuals of many PLCs add 30001 (FC 4) or 40001 (FC 3): both are given.",
+    "Addresses are those on the wire, from 0. The manuals of many PLCs add 30001 (FC 4) or 40001 (FC 3), and from "
+    "9999 on 300001 or 400001: both are given.",
     "All registers can be read with FC 3 and FC 4, 5000 .. 5227 with FC 3 only. A request outside the areas, or across the "
     "end of one, returns exception 2. "
     "Cells without a name inside them read 0.",
@@ -71,6 +74,10 @@ constexpr const char* kRules[] = {
     "changes that.",
     "A request is answered from one frame: SEQ = SEQ_END. A client that needs two requests compares the SEQ of the first "
     "with that of the second.",
+    "The taxels of an array: a read of its head (10000 .. with the token) latches a snapshot for this connection, "
+    "replacing that of any sensor before. The pages then are all of that snapshot, and each begins with its token. A "
+    "read within the head or a page returns exception 4 without a snapshot, 5 s after the latch, and once the sensor "
+    "has no value; 2 for a page that the array lacks, or across two heads or pages.",
     "Any unit identifier is answered over TCP and repeated. RTU: the configured address; 0 writes without an answer.",
     "Writing needs commands = true in [modbus], and only 5000 .. and the coils can be written (FC 5, 6, 15, 16, 22, 23). "
     "Exceptions: "
@@ -126,12 +133,12 @@ std::string map_markdown() {
             const unsigned at = address_of(area, r);
             const std::string meaning = meaning_of(area, r, " · ");
             if (writable) {
-                out += fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} |\n", at, 40001 + at, r.name, type_text(r.type),
-                                   r.unit.text, access_of(r), range_of(r), meaning);
+                out += fmt::format("| {} | {} | {} | {} | {} | {} | {} | {} |\n", at, number_of(4, at), r.name,
+                                   type_text(r.type), r.unit.text, access_of(r), range_of(r), meaning);
                 continue;
             }
             if (is_block(area)) out += fmt::format("| {} ", r.at);
-            out += fmt::format("| {} | {} / {} | {} | {} | {} | {} |\n", at, 30001 + at, 40001 + at, r.name,
+            out += fmt::format("| {} | {} / {} | {} | {} | {} | {} |\n", at, number_of(3, at), number_of(4, at), r.name,
                                type_text(r.type), r.unit.text, meaning);
         }
     }
@@ -162,9 +169,9 @@ std::string map_csv() {
                 const unsigned at = address_of(area, r);
                 const bool writable = r.is_writable();
                 out += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", area.prefix, at,
-                                   is_holding_only(area) ? "" : std::to_string(30001 + at), 40001 + at, size_of(r),
-                                   area.repeats != 0 ? std::to_string(n) : "", r.name, type_text(r.type), r.unit.text,
-                                   quoted(access_of(r)), writable ? std::to_string(r.limits.min) : "",
+                                   is_holding_only(area) ? "" : std::to_string(number_of(3, at)), number_of(4, at),
+                                   size_of(r), area.repeats != 0 ? std::to_string(n) : "", r.name, type_text(r.type),
+                                   r.unit.text, quoted(access_of(r)), writable ? std::to_string(r.limits.min) : "",
                                    writable ? std::to_string(r.limits.max) : "", quoted(meaning_of(area, plain, "; ")),
                                    quoted(mbpoll_of(area, r)));
             }
@@ -249,7 +256,7 @@ Run add_map(Command verb) {
     struct Args {
         std::string format = "md";
         bool json = false;
-        unsigned sensors = 2;
+        unsigned sensors = 2, values = 1024;
     };
     auto args = std::make_shared<Args>();
     verb.add_option("--format", args->format,
@@ -258,10 +265,13 @@ Run add_map(Command verb) {
         .show_default();
     verb.add_flag("--json", args->json, "the same rows as csv, as JSON");
     verb.add_option("--sensors", args->sensors, "st: how many sensors to unpack").integer_in(1, 16).show_default();
+    verb.add_option("--values", args->values, "st: how many values of an array to join: taxels times components")
+        .integer_in(1, TACTILED_MAX_TAXELS * 3)
+        .show_default();
     return [args] {
         fmt::print("{}", args->json              ? map_json()
                          : args->format == "csv" ? map_csv()
-                         : args->format == "st"  ? map_structured_text(args->sensors)
+                         : args->format == "st"  ? map_structured_text(args->sensors, args->values)
                          : args->format == "man" ? map_manual_page()
                                                  : map_markdown());
         return kGood;

@@ -1,5 +1,6 @@
 // The register map for a PLC: IEC 61131-3 structured text that declares the blocks, unpacks them and checks their
-// liveness. The command block is in map_structured_commands.cpp.
+// liveness. The blocks for commands and arrays are in
+// map_structured_commands.cpp and map_structured_arrays.cpp.
 //
 // The text uses only features that CODESYS, TwinCAT, TIA and matiec all accept: one field a line, named array types,
 // explicit conversions, no bit access, no pointers, no enumerations, names of at most 40 characters.
@@ -143,20 +144,6 @@ void unpack(std::string& out, const Area& area, std::string_view array, std::str
     }
 }
 
-// The statements that find the newtons of one count of a sensor's forces.
-void find_unit(std::string& out, std::string_view scale, std::string_view unit, std::string_view indent) {
-    constexpr const char* kUnits[] = {"0.000001", "0.00001", "0.0001", "0.001",
-                                      "0.01",     "0.1",     "1.0",    "10.0"};  // SCALE -6 ..
-    const char* when = "IF";
-    int power = -6;
-    for (const char* value : kUnits) {
-        out += fmt::format("{0}{1} {2} = 16#{3:04X} THEN\n{0}    {4} := {5};\n", indent, when, scale,
-                           unsigned(power++) & 0xFFFFu, unit, value);
-        when = "ELSIF";
-    }
-    out += fmt::format("{0}ELSE\n{0}    {1} := 0.0;\n{0}END_IF;\n", indent, unit);
-}
-
 // STILL counts the calls since `cell` has changed. The first call proves nothing, because the array may contain old
 // data.
 void count_still(std::string& out, std::string_view cell, std::string_view last, std::string_view still,
@@ -176,18 +163,31 @@ constexpr char kSubset[] =
 
 }  // namespace
 
-std::string map_structured_text(unsigned sensors) {
+void find_unit(std::string& out, std::string_view scale, std::string_view unit, std::string_view indent) {
+    constexpr const char* kUnits[] = {"0.000001", "0.00001", "0.0001", "0.001",
+                                      "0.01",     "0.1",     "1.0",    "10.0"};  // SCALE -6 ..
+    const char* when = "IF";
+    int power = -6;
+    for (const char* value : kUnits) {
+        out += fmt::format("{0}{1} {2} = 16#{3:04X} THEN\n{0}    {4} := {5};\n", indent, when, scale,
+                           unsigned(power++) & 0xFFFFu, unit, value);
+        when = "ELSIF";
+    }
+    out += fmt::format("{0}ELSE\n{0}    {1} := 0.0;\n{0}END_IF;\n", indent, unit);
+}
+
+std::string map_structured_text(unsigned sensors, unsigned values) {
     const Area &global = area_with(Block::global), &grasp = area_with(Block::grasp), &sensor = area_with(Block::sensor);
     const unsigned cells = sensors * kSensorSize;
     std::string out = fmt::format(
         "(* tactiled register map {}.{}: types, constants, function blocks that unpack what was read, and one that "
         "commands.\n"
-        "   Printed by: tactilectl map --format st --sensors {}\n\n"
+        "   Printed by: tactilectl map --format st --sensors {} --values {}\n\n"
         "   Read with FC 4 (or 3): {} registers from {} into GLOBAL_REGS, {} from {} into SENSOR_REGS.{}\n"
         "   Call FB_TACTILED once after each read, and use a sensor only while its OK is TRUE. Each sensor's block is "
         "judged by\n"
         "   itself: read whole blocks of {} registers, in one request or in several.\n\n",
-        kMapMajor, kMapMinor, sensors, kGlobalSize, kGlobalAt, cells, kSensorsAt,
+        kMapMajor, kMapMinor, sensors, values, kGlobalSize, kGlobalAt, cells, kSensorsAt,
         cells > 125 ? " At most 125 a request:\n   read them in pieces of 5 sensors." : "", kSensorSize);
     out += kSubset;
     const auto array = [&](std::string_view name, unsigned size, std::string_view of) {
@@ -262,7 +262,7 @@ std::string map_structured_text(unsigned sensors) {
     unpack(out, grasp, "GRASP_REGS", "", "GRASP", "VALID", "");
     out += "END_FUNCTION_BLOCK\n\n";
     out += structured_commands();
-    return out;
+    return out + "\n" + structured_arrays(values);
 }
 
 }  // namespace tactiled::ctl

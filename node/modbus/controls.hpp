@@ -11,17 +11,19 @@
 #include "node/modbus/encode.hpp"
 #include "node/modbus/request_validator.hpp"
 #include "node/modbus/robot.hpp"
+#include "node/modbus/taxels.hpp"
 #include "node/modbus/teaching.hpp"
 #include "node/pipeline.hpp"
 #include "node/realtime.hpp"
 
 namespace tactiled::modbus {
 
-// The state of one connection that matters for writing.
+// The state of one connection.
 struct Session {
     HostAddress host{};  // the client that owns the commands; all 0 on the RTU line
     bool may_write = false;
     std::uint64_t unlocked_until_ns = 0;  // end of the time in which settings may be written
+    LatchedTaxels taxels;
 };
 
 struct PlcCommand;  // controls_commands.cpp

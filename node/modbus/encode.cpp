@@ -11,11 +11,9 @@ namespace {
 
 constexpr std::uint32_t kSilent = TACTILED_REASONS_OF_OLD;
 
-// One count of a register in the unit of its value. Returns the double that is written as 1e-2 in a program, and not a
-// product of rounded tenths.
+// One count of a register in the unit of its value.
 double count_of(const Register& r, const Source& s) noexcept {
-    constexpr double kPowers[] = {1e-6, 1e-5, 1e-4, 1e-3, kForceUnit_N, 0.1, 1, 10};
-    return r.unit.configurable ? kPowers[std::clamp(s.view.force_scale(s.sensor) + 6, 0, 7)] : r.unit.scale;
+    return r.unit.configurable ? force_unit_N(s.view, s.sensor) : r.unit.scale;
 }
 
 // Encodes a register of one or two words; sets `saturated` if the value exceeds its range.
@@ -84,6 +82,12 @@ bool is_stable(const tactiled_grasp& g) noexcept {
 }
 
 bool is_silent(std::uint32_t reasons) noexcept { return (reasons & kSilent) != 0; }
+
+// Returns the double that is written as 1e-2 in a program, and not a product of rounded tenths.
+double force_unit_N(const View& view, unsigned sensor) noexcept {
+    constexpr double kPowers[] = {1e-6, 1e-5, 1e-4, 1e-3, kForceUnit_N, 0.1, 1, 10};
+    return kPowers[std::clamp(view.force_scale(sensor) + 6, 0, 7)];
+}
 
 unsigned sensors_of(const View& view) noexcept { return view.segment != nullptr ? view.segment->n_sensors() : 0; }
 std::uint32_t sensor_mask_of(const View& view) noexcept { return (1u << sensors_of(view)) - 1; }

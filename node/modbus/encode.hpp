@@ -50,18 +50,28 @@ bool is_grasped(const tactiled_grasp& grasp) noexcept;
 bool has_weight(const tactiled_grasp& grasp) noexcept;
 bool is_stable(const tactiled_grasp& grasp) noexcept;
 
+// The array of a head, and the number by which its pages are known.
+struct LatchedArray {
+    std::uint16_t token, pages;
+    bool saturates;  // a value of a taxel exceeds the range of its register
+    const Array& array;
+};
+
 // All data that one request may need, from one frame of the pipeline.
 struct View {
     const Segment* segment = nullptr;  // nullptr: no daemon's segment could be read
     Snapshot snapshot;
     bool alive = false;                                            // the pipeline has published within watchdog_ms
     const std::array<int, kSensorBlocks>* force_scales = nullptr;  // powers of ten of the forces; nullptr: kForceScale
+    const LatchedArray* latched = nullptr;  // for the rows of a head; nullptr: the sensor has no array
 
     [[nodiscard]] int force_scale(unsigned sensor) const noexcept {
         return force_scales != nullptr ? (*force_scales)[sensor] : kForceScale;
     }
 };
 
+// Returns the force of one count of a sensor's registers.
+double force_unit_N(const View& view, unsigned sensor) noexcept;
 // Takes a snapshot now. Samples are already judged by their age; if the pipeline is not alive, all are BAD.
 View view_of(const Segment& segment) noexcept;
 // Returns the number of existing sensors, and their mask, bit n = sensor n.

@@ -112,6 +112,7 @@ constexpr Name kToolBits[] = {{0, "gravity is not known: no value", "GRAVITY"},
                               {9, "uncertain", "UNCERTAIN"},
                               {10, "saturated: a register is at the end of its range", "RANGE"},
                               {15, "no value", "NO_VALUE"}};
+constexpr Name kComponentBits[] = {{0, "fx"}, {1, "fy"}, {2, "fz"}};
 constexpr Name kSlipStates[] = {{0, "none", "NONE"}, {1, "incipient", "INCIPIENT"}, {2, "gross", "GROSS"}};
 constexpr Name kWeightStates[] = {{0, "none", "NONE"},
                                   {1, "estimating", "ESTIMATING"},
@@ -157,6 +158,7 @@ std::span<const Name> names_of(std::string_view name) {
     if (name == "sensor.SLIP_STATE") return kSlipStates;
     if (name == "sensor.STATUS" || name == "sensor_float.STATUS") return kSensorStatusBits;
     if (name == "sensor.FAULT") return kSensorFaultNames;
+    if (name == "head.COMPONENTS") return kComponentBits;
     if (name == "control.CMD") return kCommands;
     if (name == "control.GRIPPER_STATE") return kGripperStates;
     if (name == "control.SAVE") return kSaveStates;

@@ -78,6 +78,8 @@ std::span<const Register> float_rows();
 std::span<const Register> sensor_rows();
 std::span<const Register> sensor_float_rows();
 std::span<const Register> age_bound_rows();
+std::span<const Register> head_rows();
+std::span<const Register> page_rows();
 std::span<const Register> tool_rows();
 std::span<const Register> tool_float_rows();
 std::span<const Register> control_rows();

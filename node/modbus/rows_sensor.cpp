@@ -1,5 +1,5 @@
-// The registers of one sensor, the bound of its age, and the wrench on the gripper, which is the sum of all sensors or the
-// part of one.
+// The registers of one sensor, of its array, the bound of its age, and the wrench on the gripper, which is the sum of all
+// sensors or the part of one.
 #include <cmath>
 
 #include "node/modbus/rows.hpp"
@@ -123,6 +123,43 @@ constexpr Register kAgeBounds[] = {
      age_bound_ms},
 };
 
+double array_status(S s) noexcept {
+    return std::uint32_t(status(s)) | (s.view.latched != nullptr && s.view.latched->saturates ? 1u << 4 : 0u);
+}
+
+// Returns what `get` returns for the array; 0 if the sensor has none.
+template <auto get>
+double latched(S s) noexcept {
+    return s.view.latched != nullptr ? double(get(*s.view.latched)) : 0;
+}
+
+constexpr Register kHead[] = {
+    {kToken, "TOKEN", count, kNoUnit,
+     "number of the snapshot, also in each of its pages; 0: the sensor has no array. A read that includes this register "
+     "latches a new snapshot",
+     latched<[](const LatchedArray& a) { return a.token; }>},
+    {1, "SEQ", count, kNoUnit, "number of the sensor's sample, wraps", [](S s) { return std::uint16_t(s.sample.sequence); }},
+    {kArrayStatus, "STATUS", bits, kNoUnit, "STATUS of the sensor block, for this snapshot; bit 4 also if a value saturates",
+     array_status},
+    {3, "FAULT", enumeration, kNoUnit, "FAULT of the sensor block, for this snapshot", fault},
+    {4, "AGE_MS", u16, kMilliseconds, "age of the snapshot when it was latched; 65534 = that or more", sample_age_ms},
+    {5, "SCALE", i16, kNoUnit, "power of ten of one count of a value, in N: SCALE of the sensor's block",
+     [](S s) { return s.view.force_scale(s.sensor); }},
+    {6, "N_TAXELS", u16, kNoUnit, "0: the sensor has no array",
+     latched<[](const LatchedArray& a) { return a.array.n_taxels(); }>},
+    {7, "COMPONENTS", bits, kNoUnit, "the values of each taxel, in this order",
+     latched<[](const LatchedArray& a) { return a.array.components(); }>},
+    {8, "N_OUT", u16, kNoUnit, "taxels without a value",
+     latched<[](const LatchedArray& a) { return a.array.head().n_out; }>},
+    {kArrayPages, "PAGES", u16, kNoUnit, "number of pages", latched<[](const LatchedArray& a) { return a.pages; }>},
+};
+
+constexpr Register kPage[] = {
+    {kToken, "TOKEN", count, kNoUnit, "number of the snapshot"},
+    {1, "VALUES", i16, kSensorForce,
+     "124 values, those of a taxel together: 124n .. of the array; 0x8000 without a force and after the last one"},
+};
+
 // ---- the wrench on the gripper ---------------------------------------------------------------------------------------
 
 // All NaN where there is no value.
@@ -209,6 +246,8 @@ constexpr Register kToolFloats[] = {
 std::span<const Register> sensor_rows() { return kSensor; }
 std::span<const Register> sensor_float_rows() { return kSensorFloats; }
 std::span<const Register> age_bound_rows() { return kAgeBounds; }
+std::span<const Register> head_rows() { return kHead; }
+std::span<const Register> page_rows() { return kPage; }
 std::span<const Register> tool_rows() { return kTool; }
 std::span<const Register> tool_float_rows() { return kToolFloats; }
 

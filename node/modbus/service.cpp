@@ -9,6 +9,9 @@ constexpr std::uint64_t kLookAgainNs = 100'000'000;  // retry interval if there 
 
 bool writes(const Request& request) { return request.write.count != 0; }
 bool reads_bits(const Request& request) { return request.function == kReadCoils || request.function == kReadInputs; }
+bool reads_taxels(const Request& request) {
+    return !reads_bits(request) && request.read.count != 0 && area_of(request.read.at, request.read.count)->is_latched();
+}
 // Returns true if the answer depends on the sensors.
 bool needs_view(const Request& request) {
     if (writes(request) || reads_bits(request) || request.function == kReportServerId) return true;
@@ -47,11 +50,16 @@ std::size_t Service::answer(std::span<const std::uint8_t> bytes, Session& sessio
     if (writes(request)) {
         const Exception exception = now_ns < refuses_until_ns_ ? kBusy : controls_.check(request, view, session, now_ns);
         if (exception != kNone) return refuse(exception);
-        controls_.write(request, view, session, now_ns);
     }
+    if (reads_taxels(request)) {  // may be refused, and then nothing is written
+        const auto cells = std::span(tables_.registers).subspan(request.read.at, request.read.count);
+        const Exception exception = taxels_.read(request.read, view, session.taxels, now_ns, cells);
+        if (exception != kNone) return refuse(exception);
+    }
+    if (writes(request)) controls_.write(request, view, session, now_ns);
     if (reads_bits(request))
         fill_bits(view, session, now_ns);
-    else if (request.read.count != 0)
+    else if (request.read.count != 0 && !reads_taxels(request))
         fill_registers(request.read, view, session, now_ns);
     return responder.reply(bytes, tables_);
 }

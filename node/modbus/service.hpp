@@ -10,6 +10,7 @@
 #include "node/modbus/controls.hpp"
 #include "node/modbus/identify.hpp"
 #include "node/modbus/responder.hpp"
+#include "node/modbus/taxels.hpp"
 
 namespace tactiled::modbus {
 
@@ -45,6 +46,7 @@ private:
     std::array<int, kSensorBlocks> force_scales_;
     Controls controls_;
     Identity identity_;
+    Taxels taxels_;
     Tables tables_;
     Segment segment_;
     std::uint64_t segment_tried_ns_ = 0, refuses_until_ns_ = 0;

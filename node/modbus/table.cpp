@@ -73,6 +73,8 @@ std::span<const Area> areas() {
         {kConstantsAt, kConstantsSize, Block::constants, 0, false, "Constants, to check base, sign and word order",
          "constant", kConstant},
         {kAgeBoundsAt, kSensorBlocks, Block::age_bounds, 1, false, "Bound of the age, by sensor", "age", age_bound_rows()},
+        {kHeadsAt, kHeadSize * kSensorBlocks, Block::heads, kHeadSize, false, "Heads of arrays", "head", head_rows()},
+        {kPagesAt, kPageSize * kPages, Block::pages, kPageSize, false, "Pages of the latched array", "page", page_rows()},
     };
     return all;
 }
@@ -89,7 +91,10 @@ std::span<const std::uint16_t> constants() { return kConstantValues; }
 
 const Area* area_of(std::uint32_t at, std::uint32_t count) {
     for (const Area& area : areas())
-        if (at >= area.at && at + count <= std::uint32_t(area.at) + area.size) return &area;
+        if (at >= area.at && at + count <= std::uint32_t(area.at) + area.size) {
+            const bool is_cut = area.is_latched() && (at - area.at) % area.repeats + count > area.repeats;
+            return is_cut ? nullptr : &area;
+        }
     return nullptr;
 }
 

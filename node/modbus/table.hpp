@@ -6,9 +6,11 @@
 #include <string_view>
 #include <type_traits>
 
+#include "tactiled/layout.h"
+
 namespace tactiled::modbus {
 
-inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 7;
+inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 8;
 
 // "Not available" as in SunSpec; a measured value saturates one step before.
 inline constexpr std::uint16_t kNoI16 = 0x8000, kNoU16 = 0xFFFF;
@@ -34,6 +36,7 @@ enum Global : std::uint16_t {
 };
 enum : std::uint16_t { kGraspSeq = 0, kGraspSeqEnd = 7 };
 enum : std::uint16_t { kSensorStatus = 1, kScale = 19, kSensorSeqEnd = 24 };
+enum : std::uint16_t { kToken = 0, kArrayStatus = 2, kArrayPages = 9 };
 enum : std::uint16_t {
     kCmd = 5000, kCmdMask = 5001, kCmdParamHigh = 5002, kCmdParamLow = 5003, kCmdSeq = 5004, kTareCell = 5010, kUntareCell = 5011,
     kClearLatchCell = 5012, kWeighCell = 5013, kResetPeakCell = 5014, kTeachCell = 5015, kZeroWeightCell = 5016, kKnownWeightCell = 5017, kPlcHeartbeat = 5020, kPlcWatchdog = 5021, kGripperState = 5022,
@@ -58,7 +61,13 @@ inline constexpr std::uint16_t kSwapped = 1000;  // from a float register to its
 inline constexpr std::uint16_t kControlsAt = 5000, kControlsSize = 100, kScratchAt = 5100, kScratchSize = 128;
 inline constexpr std::uint16_t kConstantsAt = 9000, kConstantsSize = 12;
 inline constexpr std::uint16_t kAgeBoundsAt = 9100;
-inline constexpr std::uint16_t kMapEnd = kAgeBoundsAt + kSensorBlocks;
+// The taxels of an array: reading the token in the head of a sensor latches them for the connection; the pages are those of
+// the array that was latched last. All pages of all sensors would exceed the addresses.
+inline constexpr std::uint16_t kHeadsAt = 10000, kHeadSize = 16;
+inline constexpr std::uint16_t kPagesAt = 11000, kPageSize = 125, kPageValues = kPageSize - 1;
+inline constexpr std::uint16_t kPages = (TACTILED_MAX_TAXELS * 3 + kPageValues - 1) / kPageValues;
+inline constexpr unsigned kExpires_s = 5;  // a snapshot, after the latch: see Taxels
+inline constexpr std::uint16_t kMapEnd = kPagesAt + kPages * kPageSize;
 
 inline constexpr std::uint16_t kUnlockWord = 0x5AFE, kSaveWord = 0x7361;
 inline constexpr std::uint16_t kAsConfigured = 0xFFFF;  // a setting with this value uses the configuration
@@ -124,25 +133,29 @@ enum class Block {
     controls,
     scratch,
     constants,
-    age_bounds
+    age_bounds,
+    heads,
+    pages
 };
 
 // A run of addresses that is readable as a whole; cells without an entry read 0.
 struct Area {
     std::uint16_t at, size;
     Block block;
-    std::uint16_t repeats;  // number of registers per sensor, 0 = not repeated
+    std::uint16_t repeats;  // number of registers per sensor or page, 0 = not repeated
     bool low_word_first;
     std::string_view title;
     std::string_view prefix;  // for names_of()
     std::span<const Register> registers;
+
+    [[nodiscard]] constexpr bool is_latched() const noexcept { return block == Block::heads || block == Block::pages; }
 };
 
 // Returns the areas in the order of addresses. Sensor blocks are one area, because they are contiguous.
 std::span<const Area> areas();
 // Returns the area of a block, in one of its word orders.
 const Area& area_with(Block block, bool low_word_first = false);
-// Returns the area that contains all of [at, at + count), or nullptr: exception 2.
+// Returns the area that contains all of [at, at + count), which are of one head or page there, or nullptr: exception 2.
 const Area* area_of(std::uint32_t at, std::uint32_t count);
 // Returns the register that may be written at an address, or nullptr. Scratch registers have no entry.
 const Register* writable_at(std::uint32_t at);

@@ -36,7 +36,7 @@ TEST(RegisterMap, NoTwoRegistersShareACellAndEachLiesInItsArea) {
 TEST(RegisterMap, EveryRowHasAValueThatIsEncodedOrAWordThatIsKept) {
     for (const Area& area : areas())
         for (const Register& r : area.registers) {
-            const bool kept = area.block == Block::controls || area.block == Block::constants;
+            const bool kept = area.block == Block::controls || area.block == Block::constants || area.block == Block::pages;
             EXPECT_EQ(r.value.of == nullptr, kept) << area.prefix << "." << r.name;
             EXPECT_EQ(r.is_writable(), area.block == Block::controls) << area.prefix << "." << r.name;
         }
@@ -55,6 +55,8 @@ TEST(RegisterMap, AreasHoldWholeRequestsOnly) {
     EXPECT_EQ(area_of(9099, 1), nullptr);
     EXPECT_NE(area_of(9100, 16), nullptr);
     EXPECT_EQ(area_of(9116, 1), nullptr);
+    EXPECT_NE(area_of(11000, 125), nullptr);
+    EXPECT_EQ(area_of(11001, 125), nullptr);
     EXPECT_EQ(area_of(65535, 125), nullptr);  // does not wrap
     EXPECT_NE(area_of(2100, 125), nullptr);
     EXPECT_EQ(area_of(2026, 1), nullptr);
