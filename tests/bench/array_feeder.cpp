@@ -1,9 +1,9 @@
 // A device with an array of taxels, and a reader of it: the time from sending a frame to reading it in shared memory, of the
 // daemon or of a plain program that receives, multiplies and copies. Written from drivers/wire/array_frame.md.
 //
-//   array_feeder udp|tcp PORT TAXELS VALUES RATE SECONDS NODE      PORT: of the device; over UDP it sends to PORT + 1
+//   array_feeder udp|whole|tcp PORT TAXELS VALUES RATE SECONDS [NODE]    PORT: of the device; over UDP it sends to PORT + 1.
+//                                                                  Without NODE it only sends. whole: in one datagram
 //   array_feeder plain PORT TAXELS VALUES RATE SECONDS             the plain program in the daemon's place, over UDP
-//   array_feeder send PORT TAXELS VALUES RATE SECONDS              over UDP as fast as RATE, without a reader
 #include <arpa/inet.h>
 #include <fmt/format.h>
 #include <netinet/tcp.h>
@@ -28,7 +28,7 @@ namespace {
 
 using namespace tactiled;
 
-constexpr std::size_t kDatagram = 1472;
+constexpr std::size_t kDatagram = 1472, kWholeDatagram = 40'000;
 constexpr std::uint64_t kPatience_ns = 100'000'000;
 
 sockaddr_in loopback(int port) {
@@ -69,9 +69,10 @@ void put(std::vector<unsigned char>& out, T value) {
     out.insert(out.end(), bytes, bytes + sizeof value);
 }
 
-// The pieces of frame `sequence`, i16.
-std::vector<std::vector<unsigned char>> pieces(Shape shape, std::uint32_t sequence, std::uint32_t time_us) {
-    const std::size_t most = (kDatagram - 24) / (2 * shape.values);
+// The pieces of frame `sequence`, i16, each at most `datagram` bytes.
+std::vector<std::vector<unsigned char>> pieces(Shape shape, std::size_t datagram, std::uint32_t sequence,
+                                               std::uint32_t time_us) {
+    const std::size_t most = (datagram - 24) / (2 * shape.values);
     std::vector<std::vector<unsigned char>> all;
     for (std::size_t first = 0; first < shape.taxels; first += most) {
         const std::size_t count = std::min(most, shape.taxels - first);
@@ -155,6 +156,7 @@ int run(int argc, char** argv) {
         ::close(fd);
     }
     const int fd = way == "tcp" ? tcp_socket(port) : udp_socket(port, port + 1);
+    const bool is_reading = argc > 7 || plain != nullptr;
     std::optional<Reader> reader;
     if (argc > 7) reader.emplace(argv[7], "skin");
     Array array;
@@ -167,13 +169,16 @@ int run(int argc, char** argv) {
         due.tv_nsec += long(1e9 / rate);
         if (due.tv_nsec >= 1'000'000'000) due.tv_nsec -= 1'000'000'000, ++due.tv_sec;
         ::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, nullptr);
-        const auto all = pieces(shape, k, std::uint32_t(monotonic_ns() / 1000));
+        const auto all = pieces(shape, way == "whole" ? kWholeDatagram : kDatagram, k, std::uint32_t(monotonic_ns() / 1000));
         const std::uint64_t begun_ns = monotonic_ns();
+        std::vector<unsigned char> stream;
         for (const auto& piece : all) {
-            const auto bytes = way == "tcp" ? cobs(piece) : piece;
-            if (::send(fd, bytes.data(), bytes.size(), MSG_NOSIGNAL) < 0 && way == "tcp") return 1;
+            if (way != "tcp") (void)::send(fd, piece.data(), piece.size(), 0);
+            const auto coded = way == "tcp" ? cobs(piece) : piece;
+            stream.insert(stream.end(), coded.begin(), coded.end());
         }
-        if (way == "send") continue;
+        if (way == "tcp" && ::send(fd, stream.data(), stream.size(), MSG_NOSIGNAL) < 0) return 1;
+        if (!is_reading) continue;
         bool is_read = false;
         while (!is_read && monotonic_ns() - begun_ns < kPatience_ns) {
             if (plain != nullptr) {
@@ -189,7 +194,7 @@ int run(int argc, char** argv) {
         else
             ++unread;
     }
-    if (way != "send")
+    if (is_reading)
         fmt::print("{}: p50 {:.1f} us, p99 {:.1f} us, p99.9 {:.1f} us, {} not read\n", way, quantile_us(took_ns, 0.5),
                    quantile_us(took_ns, 0.99), quantile_us(took_ns, 0.999), unread);
     if (child > 0) ::kill(child, SIGTERM), ::waitpid(child, nullptr, 0);
