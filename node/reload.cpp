@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <tuple>
 #include <utility>
 
 #include "config/keys.hpp"
@@ -88,8 +89,15 @@ void Reloader::refuse_what_needs_a_restart(Node& fresh) const {
         for (const auto& key : sensor.differing_keys(now_.sensors[i].options))
             if (reload_rule("sensor", key) == Reload::restart) sensor.problem(key, fmt::format("{} {}", key, kRestart));
     }
-    if (fresh.plan.places != running_.plan.places)
-        root.problem("sensor", fmt::format("the places of the taxels {}", kRestart));
+    for (std::size_t i = 0; i < now_.sensors.size(); ++i) {
+        const auto array = [i](const Node& node) {
+            const tactiled_sensor& s = node.plan.sensors[i];
+            return std::tie(s.n_taxels, s.taxel_components, s.taxel_rows, s.taxel_columns, node.plan.places[i]);
+        };
+        if (array(fresh) != array(running_))
+            fresh.config.sensors[i].options.problem("calibration",
+                                                    fmt::format("the places and components of taxels {}", kRestart));
+    }
     if (fresh.grasp.has_value() != now_.grasp.has_value())
         return root.problem("grasp", fmt::format("whether there is a [grasp] {}", kRestart));
     if (fresh.tool.has_value() != now_.tool.has_value())

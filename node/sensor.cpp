@@ -227,10 +227,11 @@ inline void Sensor::follow_tare(tactiled_sample& s) noexcept {
     if (zero_.has_more_to_find()) zero_.find_other(*setup_.automatic, method_, n_channels);
     if (zero_.tare() == Tare::running) {
         const std::size_t n_methods = setup_.automatic != nullptr ? setup_.automatic->front().size() : 1;
-        if (zero_.advance(s, {channel_.data(), n_channels}, method_, n_methods)) {
-            low_pass_.reset();
-            if (patch_ != nullptr) patch_->end_tare(true);
-        }
+        const unsigned samples = zero_.tare_samples();
+        const bool is_done = zero_.advance(s, {channel_.data(), n_channels}, method_, n_methods);
+        if (patch_ != nullptr && zero_.tare_samples() != samples) patch_->add_to_tare();
+        if (is_done) low_pass_.reset();
+        if (is_done && patch_ != nullptr) patch_->end_tare(true);
     }
     if (zero_.tare() == Tare::removing) zero_.end_removal();
     if (zero_.tare() == Tare::running) s.reasons |= TACTILED_TARING;
@@ -373,6 +374,7 @@ void Sensor::start(std::uint32_t daemon_epoch, std::uint64_t now_ns) noexcept {
 
 void Sensor::restore_zero(const TaredZero& zero, std::int64_t age_ns, const std::optional<LastForce>& last) noexcept {
     zero_.restore(zero, age_ns);
+    if (patch_ != nullptr) patch_->lose_zeros();
     if (!last) return zero_.doubt();
     zero_.step(last->stepped);
     jumps_.mark(*last);

@@ -224,7 +224,9 @@ private:
         setup_.decoupler->set_delay(tuning_->delay_s);
         const Wrench delay_s = delay_of_components_s(*setup_.decoupler, tuning_->delay_s);
         if (delay_s != delay_s_) latency_.set_delay(delay_s_ = delay_s);
-        if (patch_ != nullptr) patch_->set_frozen_after(tuning_->frozen_after);
+        if (patch_ == nullptr) return;
+        patch_->set_frozen_after(tuning_->frozen_after);
+        patch_->set_saturates_at(tuning_->saturates_at);
     }
 
     Setup setup_;                     // `tuning` is moved to tuning_

@@ -239,6 +239,9 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     }
     Sensor::Setup setup;
     DecouplerFault fault;
+    if (const auto plain = make_decoupler(calibration, "", 0, fault);
+        settings.method == "auto" && plain != nullptr && plain->patch() != nullptr)
+        return settings.options.problem("method", "method = \"auto\": an array has one method; delete this key");
     if (settings.method == "auto") {
         const MethodCostFile file(costs_folder, node.config.node.name, settings.name, calibration);
         const std::vector<MethodCost> kept = file.load();

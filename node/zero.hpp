@@ -65,6 +65,8 @@ public:
     // sample completed the tare; it is the first sample with the new zero. rt: wait-free
     [[nodiscard]] bool advance(const tactiled_sample& sample, std::span<const double> channel, std::size_t method,
                                std::size_t n_methods) noexcept;
+    // Returns the number of samples in the mean of the last tare that began. rt: wait-free
+    [[nodiscard]] unsigned tare_samples() const noexcept { return window_.samples(); }
     // Records that a sample with the tare removed exists. rt: wait-free
     void end_removal() noexcept { tare_ = Tare::done; }
     // Computes the zero of one method that does not run, if a zero is still missing. rt: bounded by that method's decouple()

@@ -23,10 +23,16 @@ void put_none(tactiled_array& array) noexcept {
 Contact::Contact(const TaxelPlaces& places, const TaxelNoise& noise)
     : places_(places),
       noise_(noise),
-      limit_N_(noise.sd[2] * float(std::sqrt(2 * std::log(double(places.n) / kFalse)))),
+      z_(float(std::sqrt(2 * std::log(double(places.n) / kFalse)))),
+      limit_N_(z_ * noise.sd[2]),
       press_(places.n),
       region_(places.n) {
     terms_.reserve(places.n);
+}
+
+void Contact::forget(tactiled_array& array) noexcept {
+    put_none(array);
+    terms_.clear();
 }
 
 float Contact::press(const TaxelForces& forces, const TaxelForces& zero, std::size_t i) const noexcept {
@@ -39,8 +45,7 @@ float Contact::press(const TaxelForces& forces, const TaxelForces& zero, std::si
 void Contact::find(const TaxelForces& forces, const TaxelForces& zero, const std::vector<TaxelOut>& out,
                    tactiled_array& array) noexcept {
     const std::size_t n = places_.n;
-    put_none(array);
-    terms_.clear();
+    forget(array);
     if (!(limit_N_ > 0)) return;  // the noise is unknown
     float* const p = press_.data();
     if (places_.is_flat()) {
@@ -62,8 +67,13 @@ void Contact::find(const TaxelForces& forces, const TaxelForces& zero, const std
     array.peak_sd_N = std::hypot(noise_.sd[2], noise_.gain * press_[peak]);
     find_region();
     use_variances(out);
+    for (const TaxelOut& one : out)
+        if (one.taxel == peak) array.peak_sd_N = std::sqrt(along_normal(one));
     array.area_m2 = places_.taxel_area_m2 * (float(array.n_contact) - float(boundary_) / 2);
     array.area_sd_m2 = places_.taxel_area_m2 * float(boundary_) / std::sqrt(12.f);
+    double variance = 0;
+    for (const Term& term : terms_) variance += term.variance;
+    if (!(sum_N_ > double(z_) * std::sqrt(variance))) return;  // neighbours that are pulled
     put_centre(array);
     put_axis(array);
 }
@@ -73,7 +83,7 @@ void Contact::find_region() noexcept {
     for (std::size_t i = 0; i < places_.n; ++i) {
         if (region_[i] != kInContact) continue;
         const TaxelPlaces::Neighbours& beside = places_.neighbours[i];
-        bool is_edge = beside.n < TaxelPlaces::kNeighbours;
+        bool is_edge = false;
         for (std::size_t k = 0; k < beside.n; ++k) {
             std::uint8_t& other = region_[beside.of[k]];
             is_edge = is_edge || other != kInContact;
@@ -95,23 +105,34 @@ void Contact::add_term(std::size_t i) noexcept {
     Term term{i, p, double(noise_.sd[2]) * double(noise_.sd[2]) + of_gain * of_gain, {}};
     for (std::size_t c = 0; c < 3; ++c) {
         double largest = 0, least = kLargest;
+        const float pitch_m = places_.pitch_m[c];
         for (std::size_t k = 0; k < beside.n; ++k) {
-            if (std::abs(r[c][beside.of[k]] - r[c][i]) <= places_.pitch_m / 2) continue;
+            if (std::abs(r[c][beside.of[k]] - r[c][i]) <= pitch_m / 2) continue;
             largest = std::max(largest, double(press_[beside.of[k]]));
             least = std::min(least, std::max(0., double(press_[beside.of[k]])));
         }
         const double above = std::max(0., p - largest), across = std::max(0., largest - least);
-        term.within[c] = (above * above / 12 + across * across / 720) * double(places_.pitch_m) * double(places_.pitch_m);
+        term.within[c] = (above * above / 12 + across * across / 720) * double(pitch_m) * double(pitch_m);
         centre_m_[c] += p * double(r[c][i]);
     }
     sum_N_ += p;
     terms_.push_back(term);
 }
 
+// Variance of the predicted press of a taxel, N^2.
+float Contact::along_normal(const TaxelOut& one) const noexcept {
+    float variance = 0;
+    for (std::size_t c = 0; c < 3; ++c)
+        variance += places_.normal[one.taxel][c] * places_.normal[one.taxel][c] * one.variance[c];
+    return variance;
+}
+
 void Contact::use_variances(const std::vector<TaxelOut>& out) noexcept {
-    for (const TaxelOut& one : out)
-        for (Term& term : terms_)
-            if (term.taxel == one.taxel) term.variance = double(one.variance[2]);
+    auto term = terms_.begin();  // both are in the order of the taxels
+    for (const TaxelOut& one : out) {
+        while (term != terms_.end() && term->taxel < one.taxel) ++term;
+        if (term != terms_.end() && term->taxel == one.taxel) term->variance = double(along_normal(one));
+    }
 }
 
 std::array<double, 2> Contact::within() const noexcept {
@@ -135,7 +156,7 @@ void Contact::put_centre(tactiled_array& array) const noexcept {
 
 // The direction in x y along which the second moment of the press is largest.
 void Contact::put_axis(tactiled_array& array) const noexcept {
-    const double z2 = -2 * std::log(kFalse), of_two = sum_N_ * double(places_.pitch_m) * double(places_.pitch_m) / 4;
+    const double z2 = -2 * std::log(kFalse), of_two = sum_N_ * double(places_.pitch_m[0]) * double(places_.pitch_m[1]) / 4;
     double difference = 0, product = 0, variance = 0;
     for (const Term& term : terms_) {
         const double x = double(places_.x[term.taxel]) - centre_m_[0], y = double(places_.y[term.taxel]) - centre_m_[1];

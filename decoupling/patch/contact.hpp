@@ -36,6 +36,8 @@ public:
     // Fills the members of `array` that describe the contact. The forces of `out` are predicted. rt: wait-free
     void find(const TaxelForces& forces, const TaxelForces& zero, const std::vector<TaxelOut>& out,
               tactiled_array& array) noexcept;
+    // Sets that there is no contact. rt: wait-free
+    void forget(tactiled_array& array) noexcept;
     // Variance of the moments of the press about x and y from its unknown places within the taxels, N^2 m^2; 0 without a
     // contact. rt: wait-free
     [[nodiscard]] std::array<double, 2> within() const noexcept;
@@ -49,13 +51,14 @@ private:
     [[nodiscard]] float press(const TaxelForces& forces, const TaxelForces& zero, std::size_t i) const noexcept;
     void find_region() noexcept;
     void add_term(std::size_t i) noexcept;
+    [[nodiscard]] float along_normal(const TaxelOut& one) const noexcept;
     void use_variances(const std::vector<TaxelOut>& out) noexcept;
     void put_centre(tactiled_array& array) const noexcept;
     void put_axis(tactiled_array& array) const noexcept;
 
     const TaxelPlaces& places_;
     TaxelNoise noise_;
-    float limit_N_;
+    float z_, limit_N_;
     std::vector<float> press_;
     std::vector<std::uint8_t> region_;  // a taxel is outside of the contact, in it, or beside it
     std::vector<Term> terms_;           // one for each taxel of the region

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <cstring>
+#include <utility>
 
 #include "decoupling/method.hpp"
 #include "decoupling/solve/domain.hpp"
@@ -65,6 +65,9 @@ Patch::Patch(const CalibrationData& data, std::string& fault)
     if (fault.empty()) fault = fault_of_patch(calibration, law_.components());
     if (!fault.empty()) return;
     forces_ = zero_ = mean_ = forces_of(places_.n, law_.components());
+    was_out_.assign(places_.n, 0);
+    has_no_zero_.assign(places_.n, 0);
+    had_no_zero_.assign(places_.n, 0);
     out_.reserve(places_.n);
     record_.assign(record_size() / sizeof(std::uint64_t), 0);
     if (calibration.nominal) always_ |= TACTILED_UNCALIBRATED;
@@ -89,18 +92,22 @@ Calibration Patch::with_sd_at_rest(const Calibration& calibration) const {
 Estimate Patch::decouple(const Reading& reading) noexcept {
     Estimate estimate;
     auto& array = *reinterpret_cast<tactiled_array*>(record_.data());
-    array.n_out = 0;
     if (reading.taxels.shape != law_.shape()) {
         estimate.reasons = TACTILED_WRONG_DEVICE;
         return estimate;
     }
+    is_new_ = true;
+    array.n_out = 0;
     estimate.reasons = always_;
     out_.clear();
-    if (law_.apply(reading.taxels.value, forces_)) array.n_out = find_out(estimate);
+    if (law_.apply(reading.taxels.value, has_no_zero_, forces_)) array.n_out = find_out(estimate);
     if (2 * std::size_t(array.n_out) > places_.n) return estimate;
-    average();
-    contact_.find(forces_, zero_, out_, array);
+    if (has_lost_zeros_)
+        contact_.forget(array);
+    else
+        contact_.find(forces_, zero_, out_, array);
     put_sums(estimate);
+    if ((estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0) forget_unknown_sd();
     for (std::size_t c = 0; c < 2; ++c) estimate.cop_S_m[c] = double(array.cop_S_m[c]);
     return estimate;
 }
@@ -132,9 +139,11 @@ void Patch::put_sums(Estimate& estimate) noexcept {
     const bool is_known = (estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) == 0;
     Wrench variance = sums_.variance();
     for (std::size_t c = 0; c < 2; ++c) variance[3 + c] += contact_.within()[c];
+    bool is_finite = true;
     for (std::size_t c = 0; c < 6; ++c) {
         if (!seen_[c]) continue;
         const double w = sums_.wrench()[c], common = sd_slope_[c] * w;
+        is_finite = is_finite && std::isfinite(w) && std::isfinite(variance[c]);
         estimate.wrench_S[c] = w;
         if (is_known) estimate.sd[c] = std::sqrt(variance[c] + sd_[c] * sd_[c] + common * common);
         if (std::abs(w) > full_scale_[c]) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
@@ -142,42 +151,65 @@ void Patch::put_sums(Estimate& estimate) noexcept {
     std::uint8_t states = 0;
     for (const std::uint8_t state : forces_.state) states |= state;
     if ((states & TACTILED_TAXEL_OUTSIDE) != 0) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
-    estimate.has_value = true;
+    estimate.has_value = is_finite;
+    if (is_finite) return;
+    estimate.reasons |= TACTILED_NOT_FINITE;
+    estimate.wrench_S = estimate.sd = kUnseen;
 }
 
-// The mean of the forces since begin_tare().
-void Patch::average() noexcept {
-    if (!is_taring_) return;
+void Patch::forget_unknown_sd() noexcept {
+    constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+    auto& array = *reinterpret_cast<tactiled_array*>(record_.data());
+    array.peak_sd_N = array.area_sd_m2 = array.axis_sd_rad = kNone;
+    std::fill_n(array.cop_sd_m, 3, kNone);
+}
+
+void Patch::begin_tare() noexcept {
+    n_tare_ = 0;
+    std::ranges::copy(has_no_zero_, had_no_zero_.begin());
+    std::ranges::fill(was_out_, std::uint8_t(0));
+    std::ranges::fill(has_no_zero_, std::uint8_t(0));
+}
+
+void Patch::add_to_tare() noexcept {
     const float weight = 1 / float(++n_tare_);
     for (std::size_t c = 0; c < 3; ++c)
         for (std::size_t i = 0; i < mean_.component[c].size(); ++i) {
             float& mean = mean_.component[c][i];
             mean = n_tare_ == 1 ? forces_.component[c][i] : mean + weight * (forces_.component[c][i] - mean);
         }
+    for (const TaxelOut& one : out_) was_out_[one.taxel] = TACTILED_TAXEL_MISSING;
 }
 
 void Patch::end_tare(bool is_taken) noexcept {
-    if (is_taken && is_taring_ && n_tare_ > 0) {
-        std::swap(zero_.component, mean_.component);
-        has_zero_ = true;
-        contact_.find(forces_, zero_, out_, *reinterpret_cast<tactiled_array*>(record_.data()));
-    }
-    is_taring_ = false;
+    std::swap(has_no_zero_, is_taken ? was_out_ : had_no_zero_);
+    if (!is_taken) return;
+    std::swap(zero_.component, mean_.component);
+    has_lost_zeros_ = false;
+    contact_.find(forces_, zero_, out_, *reinterpret_cast<tactiled_array*>(record_.data()));
 }
 
 void Patch::untare() noexcept {
-    is_taring_ = has_zero_ = false;
+    has_lost_zeros_ = false;
     for (auto& component : zero_.component) std::ranges::fill(component, 0.f);
+    std::ranges::fill(has_no_zero_, std::uint8_t(0));
 }
 
 const void* Patch::record(const tactiled_sample& sample) noexcept {
     auto& array = *reinterpret_cast<tactiled_array*>(record_.data());
     array.sample = sample;
-    if (sample.tare_count != 0 && !has_zero_) array.sample.reasons |= TACTILED_ZERO_UNKNOWN;
+    if (has_lost_zeros_) array.sample.reasons |= TACTILED_ZERO_UNKNOWN;
     tactiled_put_verdict(&array.sample, sample.quality != TACTILED_BAD);
     const std::size_t n = places_.n, n_components = std::size_t(std::popcount(law_.components()));
     auto* const force = reinterpret_cast<float*>(&array + 1);
     auto* const state = reinterpret_cast<std::uint8_t*>(force + n * n_components);
+    if (!std::exchange(is_new_, false)) {  // of no reading: the link is lost, or the frame is another device's
+        array.n_out = 0;
+        std::fill_n(state, n, std::uint8_t(0));
+        tactiled_invalidate_array(&array, std::uint32_t(n * n_components), sample.reasons);
+        return record_.data();
+    }
+    std::copy_n(forces_.state.data(), n, state);
     if (sample.quality == TACTILED_BAD) {
         tactiled_invalidate_array(&array, std::uint32_t(n * n_components), sample.reasons);
         return record_.data();
@@ -192,7 +224,6 @@ const void* Patch::record(const tactiled_sample& sample) noexcept {
             for (std::size_t i = 0; i < n; ++i) force[3 * i + k] = f[i] - zero[i];
         ++k;
     }
-    std::copy_n(forces_.state.data(), n, state);
     for (const TaxelOut& one : out_)
         for (k = 0; k < n_components; ++k) force[one.taxel * n_components + k] = std::numeric_limits<float>::quiet_NaN();
     return record_.data();

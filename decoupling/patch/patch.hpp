@@ -37,15 +37,22 @@ public:
     // Frames after which a taxel that repeats its values is dead; 0 = never, -1 = by the calibration. rt: wait-free
     void set_frozen_after(int frames) noexcept { law_.set_frozen_after(frames); }
 
+    // Raw numbers at or beyond these are saturated. rt: wait-free
+    void set_saturates_at(const std::array<double, 2>& limits) noexcept { law_.set_saturates_at(limits); }
+
     // The zero of each taxel, for their forces and for the contact; the wrench has its zero in the sensor. begin_tare()
-    // begins a mean over the following readings, end_tare() takes it. rt: wait-free
-    void begin_tare() noexcept { n_tare_ = 0, is_taring_ = true; }
+    // begins a mean, add_to_tare() adds the last reading, end_tare() takes the mean or refuses it. A taxel that had no force
+    // in one of these readings has none until the next tare. rt: wait-free
+    void begin_tare() noexcept;
+    void add_to_tare() noexcept;
     void end_tare(bool is_taken) noexcept;
     void untare() noexcept;
+    // The wrench has the zero of a tare of an earlier run, and the taxels have none: there is no contact, and the zero of
+    // the array is unknown. rt: wait-free
+    void lose_zeros() noexcept { has_lost_zeros_ = true; }
 
     // Returns the record of the last reading: struct tactiled_array and what follows it, in record_size() bytes, with this
-    // sample. A tare of an earlier run has no zeros of the taxels: their zero is then unknown. rt: wait-free, linear in the
-    // number of taxels
+    // sample. rt: wait-free, linear in the number of taxels
     [[nodiscard]] const void* record(const tactiled_sample& sample) noexcept;
     [[nodiscard]] std::uint32_t record_size() const noexcept {
         return tactiled_array_size(law_.shape().taxels, law_.components());
@@ -54,7 +61,7 @@ public:
 private:
     [[nodiscard]] std::uint32_t find_out(Estimate& estimate) noexcept;
     void put_sums(Estimate& estimate) noexcept;
-    void average() noexcept;
+    void forget_unknown_sd() noexcept;
 
     TaxelPlaces places_;
     TaxelLaw law_;
@@ -66,7 +73,9 @@ private:
     std::array<double, 6> full_scale_{}, sd_{}, sd_slope_{};
     TaxelForces forces_, zero_, mean_;
     std::vector<TaxelOut> out_;
-    bool is_taring_ = false, has_zero_ = false;  // zero_ is that of the last tare
+    // Of each taxel: it had no force in the mean that runs, in the last tare, and in the one before the mean.
+    std::vector<std::uint8_t> was_out_, has_no_zero_, had_no_zero_;
+    bool has_lost_zeros_ = false, is_new_ = false;  // is_new_: the reading has had no record yet
     unsigned n_tare_ = 0;
     std::vector<std::uint64_t> record_;
 };

@@ -29,6 +29,7 @@ void put_grid(const CalibrationData& data, TaxelPlaces& places) {
         places.y.push_back(float(((places.rows - 1) / 2. - row) * y_mm * 1e-3));
         places.z.push_back(0);
     }
+    places.pitch_m = {float(x_mm * 1e-3), float(y_mm * 1e-3), 0};
     if (!data.has("taxel_area_mm2")) places.taxel_area_m2 = float(x_mm * y_mm * 1e-6);
 }
 
@@ -81,16 +82,19 @@ std::string rewire(const std::vector<double>& wiring, TaxelPlaces& places) {
 }
 
 // The neighbours of a taxel are the nearest ones, up to kNeighbours, at up to this multiple of the nearest one's distance:
-// in a square grid those beside it and not those across its corners.
+// in a grid, with distances relative to its pitches, those beside it and not those across its corners.
 constexpr float kReach = 1.3f;
 
 void put_neighbours(TaxelPlaces& places) {
     std::vector<std::pair<float, std::uint16_t>> near;
     std::vector<float> nearest;
+    const bool is_grid = places.pitch_m[0] > 0;
+    const float wide = is_grid ? places.pitch_m[0] : 1, high = is_grid ? places.pitch_m[1] : 1;
     for (std::size_t i = 0; i < places.n; ++i) {
         near.clear();
         for (std::size_t j = 0; j < places.n; ++j) {
-            const float dx = places.x[j] - places.x[i], dy = places.y[j] - places.y[i], dz = places.z[j] - places.z[i];
+            const float dx = (places.x[j] - places.x[i]) / wide, dy = (places.y[j] - places.y[i]) / high,
+                        dz = places.z[j] - places.z[i];
             if (j != i) near.emplace_back(std::sqrt(dx * dx + dy * dy + dz * dz), std::uint16_t(j));
         }
         const std::size_t most = std::min(near.size(), TaxelPlaces::kNeighbours);
@@ -99,9 +103,10 @@ void put_neighbours(TaxelPlaces& places) {
         while (of.n < most && near[of.n].first <= kReach * near[0].first) of.of[of.n] = near[of.n].second, ++of.n;
         if (most > 0) nearest.push_back(near[0].first);
     }
-    if (nearest.empty()) return;
+    if (is_grid || nearest.empty()) return;
     std::nth_element(nearest.begin(), nearest.begin() + std::ptrdiff_t(nearest.size() / 2), nearest.end());
-    places.pitch_m = nearest[nearest.size() / 2];
+    places.pitch_m.fill(nearest[nearest.size() / 2]);
+    if (places.is_flat()) places.pitch_m[2] = 0;
 }
 
 }  // namespace

@@ -24,8 +24,9 @@ struct TaxelPlaces {
     std::vector<std::array<float, 3>> normal;  // unit vectors, out of the skin
     std::vector<std::array<std::array<float, 3>, 3>> axes;  // axes of a taxel's frame in S; empty: those of S
     std::vector<Neighbours> neighbours;                     // the nearest ones
-    float pitch_m = 0;                                      // distance of two neighbours, the median
-    float taxel_area_m2 = 0;                                // NaN = unknown
+    // Distance of two neighbours along x, y, z: of columns and rows, or the median of a list; 0 = the skin is flat.
+    std::array<float, 3> pitch_m{};
+    float taxel_area_m2 = 0;  // NaN = unknown
 
     [[nodiscard]] bool is_flat() const noexcept { return axes.empty(); }
 };

@@ -68,14 +68,23 @@ void predict(const TaxelPlaces& places, const TaxelNoise& noise, const TaxelForc
     }
 }
 
-Sums::Sums(const TaxelPlaces& places, const TaxelNoise& noise) noexcept : places_(places), noise_(noise) {
+Sums::Sums(const TaxelPlaces& places, const TaxelNoise& noise) : places_(places), noise_(noise), none_(places.n, 0) {
     for (std::size_t i = 0; i < places.n; ++i) {
-        const double x2 = double(places.x[i]) * double(places.x[i]), y2 = double(places.y[i]) * double(places.y[i]),
-                     z2 = double(places.z[i]) * double(places.z[i]);
-        const double vx = double(noise.sd[0]) * double(noise.sd[0]), vy = double(noise.sd[1]) * double(noise.sd[1]),
-                     vz = double(noise.sd[2]) * double(noise.sd[2]);
-        of_noise_[0] += vx, of_noise_[1] += vy, of_noise_[2] += vz;
-        of_noise_[3] += y2 * vz + z2 * vy, of_noise_[4] += z2 * vx + x2 * vz, of_noise_[5] += x2 * vy + y2 * vx;
+        const std::array<double, 3> r{double(places.x[i]), double(places.y[i]), double(places.z[i])};
+        std::array<std::array<double, 3>, 3> covariance{};  // of the taxel's force, in S
+        for (std::size_t k = 0; k < 3; ++k) {
+            const double v = double(noise.sd[k]) * double(noise.sd[k]);
+            for (std::size_t a = 0; a < 3; ++a)
+                for (std::size_t b = 0; b < 3; ++b)
+                    covariance[a][b] += places.is_flat() ? (a == k && b == k ? v : 0)
+                                                         : v * double(places.axes[i][k][a]) * double(places.axes[i][k][b]);
+        }
+        for (std::size_t c = 0; c < 3; ++c) {
+            const std::size_t a = (c + 1) % 3, b = (c + 2) % 3;
+            of_noise_[c] += covariance[c][c];
+            of_noise_[3 + c] +=
+                r[a] * r[a] * covariance[b][b] + r[b] * r[b] * covariance[a][a] - 2 * r[a] * r[b] * covariance[a][b];
+        }
     }
 }
 
@@ -83,24 +92,20 @@ void Sums::add(const TaxelForces& forces, const std::vector<TaxelOut>& out) noex
     const std::size_t n = places_.n;
     const std::array<const float*, 3> r{places_.x.data(), places_.y.data(), places_.z.data()};
     std::array<const float*, 3> f{};
-    wrench_ = {};
     variance_ = of_noise_;
     const double g2 = double(noise_.gain) * double(noise_.gain);
     for (std::size_t c = 0; c < 3; ++c) {
-        if (forces.component[c].empty()) continue;
-        f[c] = forces.component[c].data();
+        f[c] = forces.component[c].empty() ? none_.data() : forces.component[c].data();
         wrench_[c] = sum(n, [a = f[c]](std::size_t i) { return a[i]; });
         variance_[c] += g2 * sum(n, [a = f[c]](std::size_t i) { return a[i] * a[i]; });
     }
     for (std::size_t c = 0; c < 3; ++c) {  // the moment about axis c: r_a f_b - r_b f_a
         const std::size_t a = (c + 1) % 3, b = (c + 2) % 3;
-        const auto product = [&](const float* arm, const float* force, double sign) {
-            if (force == nullptr) return;
-            wrench_[3 + c] += sign * sum(n, [=](std::size_t i) { return arm[i] * force[i]; });
-            variance_[3 + c] += g2 * sum(n, [=](std::size_t i) { return arm[i] * force[i] * (arm[i] * force[i]); });
+        const auto moment = [ra = r[a], rb = r[b], fa = f[a], fb = f[b]](std::size_t i) {
+            return ra[i] * fb[i] - rb[i] * fa[i];
         };
-        product(r[a], f[b], 1);
-        product(r[b], f[a], -1);
+        wrench_[3 + c] = sum(n, moment);
+        variance_[3 + c] += g2 * sum(n, [moment](std::size_t i) { return moment(i) * moment(i); });
     }
     for (const TaxelOut& one : out)
         for (std::size_t c = 0; c < 3; ++c) {

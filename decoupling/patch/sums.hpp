@@ -36,7 +36,7 @@ void predict(const TaxelPlaces& places, const TaxelNoise& noise, const TaxelForc
 class Sums {
 public:
     // setup
-    Sums(const TaxelPlaces& places, const TaxelNoise& noise) noexcept;
+    Sums(const TaxelPlaces& places, const TaxelNoise& noise);
     // Sums all forces, which are finite. rt: wait-free
     void add(const TaxelForces& forces, const std::vector<TaxelOut>& out) noexcept;
     [[nodiscard]] const Wrench& wrench() const noexcept { return wrench_; }
@@ -46,7 +46,8 @@ public:
 private:
     const TaxelPlaces& places_;
     TaxelNoise noise_;
-    Wrench of_noise_{};  // variance without a load
+    std::vector<float> none_;  // a component that is not measured
+    Wrench of_noise_{};        // variance without a load
     Wrench wrench_{}, variance_{};
 };
 

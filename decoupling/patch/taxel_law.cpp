@@ -80,7 +80,6 @@ TaxelLaw::TaxelLaw(const CalibrationData& data, const TaxelPlaces& places, std::
     dead_.assign(n, 0);
     if (const NumberRows* list = data.table("dead"))
         for (const double i : list->front()) dead_[std::size_t(i)] = TACTILED_TAXEL_DEAD;
-    has_dead_ = data.table("dead") != nullptr;
     if (!places.is_flat())
         for (auto& component : own_) component.assign(n, 0);
     before_.assign(shape_.size(), std::numeric_limits<float>::quiet_NaN());
@@ -93,7 +92,7 @@ void TaxelLaw::set_counts_per_unit(double counts) noexcept {
     for (float& zero : zero_) zero = float(double(zero) * counts);
 }
 
-bool TaxelLaw::apply(std::span<const float> raw, TaxelForces& out) noexcept {
+bool TaxelLaw::apply(std::span<const float> raw, std::span<const std::uint8_t> states, TaxelForces& out) noexcept {
     const std::size_t n = shape_.taxels, first = matrix_.size() == 1 ? 2 : 0;
     auto& force = places_.is_flat() ? out.component : own_;
     float sum = 0;  // is not a number where a force is not one
@@ -105,8 +104,10 @@ bool TaxelLaw::apply(std::span<const float> raw, TaxelForces& out) noexcept {
         for (std::size_t i = 0; i < n; ++i) f[i] *= gain[i];
         sum += zero_or_nan(f, n);
     }
-    std::copy_n(dead_.data(), n, out.state.data());
-    bool any_out = has_dead_;
+    std::uint8_t stated = 0;
+    for (std::size_t i = 0; i < n; ++i) stated |= out.state[i] = dead_[i] | states[i];
+    const bool has_saturated = find_saturated(raw, out);
+    bool any_out = stated != 0 || has_saturated;
     if (!std::isfinite(sum)) {
         any_out = true;
         for (std::size_t i = 0; i < n; ++i)
@@ -132,6 +133,19 @@ bool TaxelLaw::apply(std::span<const float> raw, TaxelForces& out) noexcept {
     return any_out;
 }
 
+bool TaxelLaw::find_saturated(std::span<const float> raw, TaxelForces& out) const noexcept {
+    if (std::isinf(lowest_) && std::isinf(highest_)) return false;
+    bool any = false;
+    for (std::size_t v = 0; v < shape_.values; ++v)
+        for (std::size_t i = 0; i < shape_.taxels; ++i) {
+            const float value = raw[v * shape_.taxels + i];
+            if (value > lowest_ && value < highest_) continue;
+            out.state[i] |= std::uint8_t(std::isnan(value) ? TACTILED_TAXEL_MISSING : TACTILED_TAXEL_SATURATED);
+            any = true;
+        }
+    return any;
+}
+
 std::uint8_t TaxelLaw::why_missing(std::span<const float> raw, std::size_t i) const noexcept {
     std::uint8_t why = TACTILED_TAXEL_SATURATED;
     for (std::size_t v = 0; v < shape_.values; ++v)
@@ -144,7 +158,7 @@ void TaxelLaw::count_repeats(std::span<const float> raw) noexcept {
     for (std::size_t i = 0; i < n; ++i) {
         bool same = true;
         for (std::size_t v = 0; v < shape_.values; ++v) same = same && raw[v * n + i] == before_[v * n + i];
-        repeats_[i] = same ? std::uint16_t(std::min<unsigned>(repeats_[i] + 1u, 65535)) : std::uint16_t(0);
+        repeats_[i] = same ? std::uint16_t(std::min(repeats_[i] + 1u, kMostRepeats)) : std::uint16_t(0);
     }
     std::copy(raw.begin(), raw.end(), before_.begin());
 }

@@ -1,8 +1,10 @@
 // Raw values of the taxels -> the force of each in frame S. All loops run over the taxels, one component at a time.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <string>
 #include <vector>
@@ -30,14 +32,24 @@ public:
     // The raw numbers are this times the calibration's unit. setup
     void set_counts_per_unit(double counts) noexcept;
     // A taxel that repeats all its values for so many frames is frozen; 0 = never, -1 = by the calibration. rt: wait-free
-    void set_frozen_after(int frames) noexcept { frozen_after_ = frames >= 0 ? unsigned(frames) : calibrated_frozen_after_; }
+    void set_frozen_after(int frames) noexcept {
+        frozen_after_ = frames >= 0 ? std::min(unsigned(frames), kMostRepeats) : calibrated_frozen_after_;
+    }
 
-    // Sets the forces and states of all taxels; the force of one without a value is not a number. Returns true if some
-    // taxel has no force of its own. `raw` has shape().size() numbers. rt: wait-free, linear in them
-    bool apply(std::span<const float> raw, TaxelForces& out) noexcept;
+    // Raw numbers at or beyond these are saturated. rt: wait-free
+    void set_saturates_at(const std::array<double, 2>& limits) noexcept {
+        lowest_ = float(limits[0]), highest_ = float(limits[1]);
+    }
+
+    // Sets the forces and states of all taxels; the force of one without a value is not a number. `states`: those that each
+    // has in any case. Returns true if some taxel has no force of its own. `raw` has shape().size() numbers. rt: wait-free,
+    // linear in them
+    bool apply(std::span<const float> raw, std::span<const std::uint8_t> states, TaxelForces& out) noexcept;
     void forget() noexcept { repeats_.assign(repeats_.size(), 0); }
 
 private:
+    static constexpr unsigned kMostRepeats = 65535;
+    [[nodiscard]] bool find_saturated(std::span<const float> raw, TaxelForces& out) const noexcept;
     void count_repeats(std::span<const float> raw) noexcept;
     [[nodiscard]] std::uint8_t why_missing(std::span<const float> raw, std::size_t i) const noexcept;
     void turn(TaxelForces& out) noexcept;
@@ -48,11 +60,11 @@ private:
     std::vector<std::vector<float>> matrix_;  // a row for each component of a taxel's frame
     std::vector<float> zero_, gain_;          // value v of taxel i: v n + i; of taxel i
     std::vector<std::uint8_t> dead_;          // states of the taxels that the calibration lists
-    bool has_dead_ = false;
-    std::array<std::vector<float>, 3> own_;  // forces in the taxels' frames, where these are not S
-    std::vector<float> before_;              // raw values of the last frame
+    std::array<std::vector<float>, 3> own_;   // forces in the taxels' frames, where these are not S
+    std::vector<float> before_;               // raw values of the last frame
     std::vector<std::uint16_t> repeats_;
     unsigned calibrated_frozen_after_, frozen_after_;
+    float lowest_ = -std::numeric_limits<float>::infinity(), highest_ = std::numeric_limits<float>::infinity();
     float full_scale_N_;  // limit of a taxel's force along its normal
 };
 

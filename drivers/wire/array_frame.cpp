@@ -195,8 +195,8 @@ ArrayAssembler::Taken ArrayAssembler::take_piece(std::span<const std::uint8_t> m
 // Begins a frame with its first piece. Returns false if the piece is of an earlier frame.
 bool ArrayAssembler::begin(Device& device, const ArrayPiece& piece, const Arrival& arrival) noexcept {
     const std::uint32_t behind = device.piece.sequence - piece.sequence;
-    const bool is_whole = piece.count == shape_.taxels;  // SequenceTracker recognises late ones
-    if (device.has_begun && !is_whole && behind <= kLateFrames) return false;
+    const bool is_whole = piece.count == shape_.taxels;  // SequenceTracker recognises one that repeats
+    if (device.has_begun && behind <= kLateFrames && (behind != 0 || !is_whole)) return false;
     // No gap of the numbers shows this frame if the number goes back.
     if (device.left != 0 && std::int32_t(behind) > 0) ++counts_[TACTILED_LINK_LOST];
     open_ = &device;

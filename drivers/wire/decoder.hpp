@@ -30,7 +30,8 @@ public:
         std::memcpy(bytes_.data(), bytes.data(), bytes.size());
         at_ = 0;
         size_ = bytes.size();
-        since_ns_ = std::min(t_ns, std::max(since_ns, t_ns_));
+        earliest_ns_ = std::min(t_ns, since_ns);
+        since_ns_ = std::max(earliest_ns_, std::min(t_ns, t_ns_));
         t_ns_ = t_ns;
         counts_[TACTILED_LINK_BYTES] += std::uint32_t(bytes.size());
     }
@@ -98,7 +99,7 @@ protected:
     struct Arrival {
         std::uint64_t since_ns = 0, t_ns = 0;
     };
-    [[nodiscard]] Arrival arrival() const noexcept { return {since_ns_, t_ns_}; }
+    [[nodiscard]] Arrival arrival() const noexcept { return {earliest_ns_, t_ns_}; }
 
     // Uses bytes from the beginning of `bytes`, at least one, and none after the end of a frame. Returns their number, and
     // sets `is_complete` if they completed `frame`; the base class sets the timestamp and counts. A format whose frames may
@@ -112,7 +113,9 @@ protected:
 private:
     std::array<std::uint8_t, kMaxBytes> bytes_{};
     std::size_t at_ = 0, size_ = 0;
-    std::uint64_t t_ns_ = 0, since_ns_ = 0;
+    std::uint64_t t_ns_ = 0;
+    std::uint64_t since_ns_ = 0;     // not before the push before, to spread the times of its frames
+    std::uint64_t earliest_ns_ = 0;  // as push() was told
     Frame ahead_;
     bool ready_ = false;
 };

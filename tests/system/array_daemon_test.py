@@ -105,7 +105,17 @@ class Datagrams(unittest.TestCase):
         wait_for(lambda: self.node.latest("skin").quality == tactiled.GOOD, "a value again")
         array = self.array()
         self.assertEqual(array.sample.reasons_text, ["zero-unknown"])
+        self.assertTrue(math.isnan(array.cop_S_m[0]) and math.isnan(self.node.latest("skin").cop_S_m[0]))
         self.assertEqual(array.sample.quality, tactiled.UNCERTAIN)
+
+    def test_a_reload_with_taxels_of_other_components_is_refused(self):
+        file = self.daemon.folder / "skin.toml"
+        text = file.read_text().replace("[[0.001, 0, 0], [0, 0.001, 0], [0, 0, -0.001]]", "[[0, 0, -0.001]]")
+        file.write_text(text.replace('["fx", "fy", "fz", "mx", "my", "mz"]', '["fz", "mx", "my"]'))
+        self.daemon.process.send_signal(signal.SIGHUP)
+        wait_for(lambda: "SIGHUP: refused" in self.daemon.log(), "a refusal")
+        self.assertIn("the places and components of taxels", self.daemon.log())
+        wait_for(lambda: self.array().sample.quality == tactiled.GOOD, "a value")
 
     def test_registers_have_the_wrench(self):
         self.device.body = lambda _: (0.0, 0.0, 3.0, 5e-3)

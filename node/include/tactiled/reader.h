@@ -396,8 +396,11 @@ static inline const float* tactiled_taxel_places(const struct tactiled_segment* 
 static inline int tactiled_array_of_sample(const struct tactiled_segment* segment, uint32_t index, uint64_t sequence,
                                            struct tactiled_array* array) {
     const struct tactiled_array_plan* const plan = &segment->array[index];
-    return plan->ring.slots != 0 && tactiled_ring_read(segment->base, &plan->ring, (uint32_t)sequence, array,
-                                                       tactiled_array_size(plan->n_taxels, plan->components));
+    const uint32_t size = tactiled_array_size(plan->n_taxels, plan->components);
+    if (plan->ring.slots != 0 && tactiled_ring_read(segment->base, &plan->ring, (uint32_t)sequence, array, size)) return 1;
+    memset(array, 0, size); /* the copy may be a mixture */
+    tactiled_invalidate_array(array, plan->n_taxels * plan->n_components, TACTILED_READER_OVERRUN);
+    return 0;
 }
 /* Copies the newest array of a sensor, judged as in tactiled_latest(): where its sample is BAD, its forces are NaN. Returns
  * 0 and a BAD array if there is none. */
@@ -411,7 +414,7 @@ static inline int tactiled_latest_array(const struct tactiled_segment* segment, 
         if (plan->ring.slots == 0 || !tactiled_ring_latest(segment->base, &plan->ring, array,
                                                            tactiled_array_size(plan->n_taxels, plan->components))) {
             const int is_empty = plan->ring.slots == 0 || tactiled_ring_head(segment->base, &plan->ring) == 0;
-            memset(array, 0, sizeof *array);
+            memset(array, 0, tactiled_array_size(plan->n_taxels, plan->components));
             tactiled_invalidate_array(array, n_forces, is_empty ? TACTILED_NO_DATA_YET : TACTILED_READER_OVERRUN);
             return 0;
         }

@@ -74,6 +74,12 @@ public:
 
 private:
     friend class SegmentView;
+    friend class Reader;
+    void invalidate(std::uint32_t reason) noexcept {
+        if (!words_.empty())
+            tactiled_invalidate_array(reinterpret_cast<tactiled_array*>(words_.data()), plan_.n_taxels * plan_.n_components,
+                                      reason);
+    }
     // Allocates when the shape changes, else never.
     tactiled_array* prepare(const tactiled_array_plan& plan) {
         plan_ = plan;
@@ -239,7 +245,10 @@ public:
     // sensor has no taxels, or there is no daemon. Never blocks.
     bool latest(Array& array) {
         (void)latest();  // attaches to a successor
-        if (!is_attached() || !segment().has_array(std::uint32_t(c_.index))) return false;
+        if (!is_attached() || !segment().has_array(std::uint32_t(c_.index))) {
+            array.invalidate(TACTILED_DAEMON_STOPPED);
+            return false;
+        }
         segment().latest(std::uint32_t(c_.index), array);
         return true;
     }

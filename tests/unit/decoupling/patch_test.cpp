@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <utility>
 
 #include "tactiled/reader.h"
 #include "tests/bench/pressed_array.hpp"
@@ -34,13 +35,18 @@ protected:
     Estimate decouple() {
         Reading reading;
         reading.taxels = {{30, 3}, raw_};
+        is_new_ = true;
         return patch_->decouple(reading);
     }
-    const tactiled_array& record(std::uint32_t quality = TACTILED_GOOD, std::uint32_t tares = 0) {
+    // The record of the last reading, which has one.
+    const tactiled_array& record(std::uint32_t quality = TACTILED_GOOD) {
         tactiled_sample sample{};
         sample.quality = quality;
-        sample.tare_count = tares;
-        return *static_cast<const tactiled_array*>(patch_->patch()->record(sample));
+        if (std::exchange(is_new_, false)) {
+            const auto* const words = static_cast<const std::uint64_t*>(patch_->patch()->record(sample));
+            record_.assign(words, words + patch_->patch()->record_size() / 8);
+        }
+        return *reinterpret_cast<const tactiled_array*>(record_.data());
     }
     float force(std::size_t taxel, std::size_t component) { return tactiled_taxel_forces(&record())[taxel * 3 + component]; }
     unsigned state(std::size_t taxel) {
@@ -66,6 +72,8 @@ protected:
     }());
     std::vector<float> raw_;
     std::unique_ptr<Decoupler> patch_;
+    bool is_new_ = true;
+    std::vector<std::uint64_t> record_;
 };
 
 TEST_F(PatchTest, SumsForcesAndTheirMoments) {
@@ -129,7 +137,8 @@ TEST_F(PatchTest, HasNoValueIfMoreThanHalfIsOut) {
     const Estimate e = decouple();
     EXPECT_FALSE(e.has_value);
     EXPECT_EQ(e.quality(), TACTILED_BAD);
-    EXPECT_TRUE(std::isnan(force(2, 2)) || record(TACTILED_BAD).sample.quality == TACTILED_BAD);
+    EXPECT_TRUE(std::isnan(tactiled_taxel_forces(&record(TACTILED_BAD))[6]));
+    EXPECT_EQ(record().n_out, 16u);
 }
 
 TEST_F(PatchTest, ASaturatedTaxelHasNoSd) {
@@ -199,29 +208,121 @@ TEST_F(PatchTest, AnotherShapeIsAnotherDevice) {
 TEST_F(PatchTest, ATareIsTheMeanOfEachTaxelsForce) {
     Patch& patch = *patch_->patch();
     patch.begin_tare();
-    press_at(12, 100);
-    (void)decouple();
-    press_at(12, 200);
-    (void)decouple();
+    for (const float counts : {100.f, 200.f}) {
+        press_at(12, counts);
+        (void)decouple();
+        patch.add_to_tare();
+    }
     patch.end_tare(true);
     EXPECT_NEAR(force(12, 2), -0.1, 1e-6);  // 0.3 N less the mean, 0.2 N
-    EXPECT_EQ(record(TACTILED_GOOD, 1).sample.quality, unsigned(TACTILED_GOOD));
+    (void)decouple();
     EXPECT_NEAR(decouple().wrench_S[2], -0.3, 1e-6);
-    patch.begin_tare();
+    patch.begin_tare();  // a tare that is refused
     press_at(12, 1000);
     (void)decouple();
+    patch.add_to_tare();
     patch.end_tare(false);
     EXPECT_NEAR(force(12, 2), -1.1, 1e-6);
+    (void)decouple();
     patch.untare();
     (void)decouple();
     EXPECT_NEAR(force(12, 2), -1.3, 1e-6);
 }
 
+// Its zero is not the prediction by its neighbours.
+TEST_F(PatchTest, ATaxelThatWasMissingInATareHasNoForceUntilTheNext) {
+    Patch& patch = *patch_->patch();
+    const auto tare = [&](bool is_taken) {
+        patch.begin_tare();
+        (void)decouple();
+        patch.add_to_tare();
+        patch.end_tare(is_taken);
+    };
+    raw_[60 + 12] = kNan;
+    tare(true);
+    raw_[60 + 12] = 300;
+    EXPECT_NEAR(decouple().wrench_S[2], 0, 1e-6);
+    EXPECT_EQ(state(12), unsigned(TACTILED_TAXEL_MISSING));
+    tare(false);
+    (void)decouple();
+    EXPECT_EQ(state(12), unsigned(TACTILED_TAXEL_MISSING));
+    tare(true);
+    (void)decouple();
+    EXPECT_EQ(state(12), 0u);
+}
+
 // A tare of an earlier run is the wrench's alone.
 TEST_F(PatchTest, TheZeroOfATaxelIsUnknownAfterARestoredTare) {
+    patch_->patch()->lose_zeros();
+    press_at(12, 1000);
+    const Estimate e = decouple();
+    EXPECT_TRUE(std::isnan(e.cop_S_m[0]));
+    EXPECT_EQ(record().sample.reasons, unsigned(TACTILED_ZERO_UNKNOWN));
+    EXPECT_EQ(record().sample.quality, unsigned(TACTILED_UNCERTAIN));
+    EXPECT_EQ(record().n_contact, 0u);
+}
+
+TEST_F(PatchTest, AResultThatIsNotFiniteIsNone) {
+    for (std::size_t i = 0; i < 30; ++i) press_at(i, i % 2 == 0 ? 3e38f : -3e38f);
+    const Estimate e = decouple();
+    EXPECT_FALSE(e.has_value);
+    EXPECT_NE(e.reasons & TACTILED_NOT_FINITE, 0u);
+}
+
+TEST_F(PatchTest, RawNumbersAtTheLimitsAreSaturated) {
+    patch_->patch()->set_saturates_at({-1, 4095});
+    press_at(12, 4095);
+    EXPECT_NE(decouple().reasons & TACTILED_SATURATED, 0u);
+    EXPECT_EQ(state(12), unsigned(TACTILED_TAXEL_SATURATED));
+    EXPECT_EQ(state(13), 0u);
+}
+
+// A zero that was taken under a load leaves a taxel that is pulled: press and pull have no common centre.
+TEST_F(PatchTest, APullBesideAPressHasNoCentre) {
+    press_at(12, 200);
+    press_at(13, -500);
     (void)decouple();
-    EXPECT_EQ(record(TACTILED_GOOD, 1).sample.quality, unsigned(TACTILED_UNCERTAIN));
-    EXPECT_EQ(record(TACTILED_GOOD, 1).sample.reasons, unsigned(TACTILED_ZERO_UNKNOWN));
+    EXPECT_EQ(record().n_contact, 1u);
+    EXPECT_TRUE(std::isnan(record().cop_S_m[0]));
+}
+
+TEST_F(PatchTest, ASdThatIsUnknownIsUnknownForTheContact) {
+    press_all(1000);
+    raw_[60 + 12] = kInfinite;
+    (void)decouple();
+    EXPECT_FALSE(std::isnan(record().cop_S_m[0]));
+    EXPECT_TRUE(std::isnan(record().cop_sd_m[0]) && std::isnan(record().area_sd_m2));
+}
+
+TEST_F(PatchTest, ARecordWithoutAReadingHasNoStates) {
+    raw_[60 + 12] = kNan;
+    (void)decouple();
+    EXPECT_EQ(state(12), unsigned(TACTILED_TAXEL_MISSING));
+    EXPECT_EQ(static_cast<const tactiled_array*>(patch_->patch()->record(tactiled_sample{}))->n_out, 0u);
+}
+
+TEST_F(PatchTest, RowsMayBeFurtherApartThanColumns) {
+    calibration_.parameters["pitch_y_mm"] = 3;
+    make();
+    EXPECT_EQ(patch_->patch()->places().neighbours[12].n, 4u);
+    EXPECT_EQ(patch_->patch()->places().neighbours[0].n, 2u);
+}
+
+// The noise along the normal of a taxel on the side is one along x of S.
+TEST_F(PatchTest, TurnsTheNoiseOfACurvedSkin) {
+    Calibration c = calibration_;
+    c.parameters = {{"gain_sd", 0}};
+    c.tables["taxel_sd"] = {{0, 0, 0.005}};
+    c.tables["place_mm"] = {{5, 0, 0}, {5, 3, 0}};
+    c.tables["normal"] = {{1, 0, 0}, {1, 0, 0}};
+    patch_ = make_decoupler(c);
+    const std::vector<float> raw(6, 0);
+    Reading reading;
+    reading.taxels = {{2, 3}, raw};
+    const Estimate e = patch_->decouple(reading);
+    EXPECT_NEAR(e.sd[0], std::sqrt(2.) * 0.005, 1e-8);
+    EXPECT_NEAR(e.sd[2], 0, 1e-8);
+    EXPECT_NEAR(e.sd[5], 0.003 * 0.005, 1e-10);  // mz = x fy - y fx
 }
 
 TEST_F(PatchTest, ABadSampleHasNoForces) {

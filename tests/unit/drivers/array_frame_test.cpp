@@ -390,6 +390,28 @@ TEST(ArrayStream, ArraysAndFramesOfChannelsShareALinkWithTaxelsOnly) {
     EXPECT_FALSE(small.has_echo());
 }
 
+// The backlog of a process that was stopped comes in several reads, which have the same earliest time.
+TEST(ArrayStream, AFrameOfABacklogIsAsOldAsTheBacklog) {
+    LinkCounts counts;
+    CobsDecoder decoder(counts, {100, 1});
+    Frame frame;
+    Bytes bytes;
+    for (std::uint32_t k = 0; k < 4; ++k) {
+        const Bytes one = cobs(piece_of(k, {100, 1}, 0, 100));
+        bytes.insert(bytes.end(), one.begin(), one.end());
+    }
+    unsigned n = 0;
+    for (std::size_t at = 0; at < bytes.size(); at += 150) {
+        decoder.push({bytes.data() + at, std::min<std::size_t>(150, bytes.size() - at)}, 500'000'000 + at, 1'000'000);
+        while (decoder.next(frame)) {
+            if (frame.since_ns == 0) continue;  // in one read
+            EXPECT_EQ(frame.since_ns, 1'000'000u) << n;
+            ++n;
+        }
+    }
+    EXPECT_GE(n, 3u);
+}
+
 TEST(ArrayStream, AFrameWhoseBytesComeInSeveralReadsIsAsOldAsTheFirst) {
     const Bytes array = cobs(piece_of(9, {100, 1}, 0, 100));
     LinkCounts counts;
