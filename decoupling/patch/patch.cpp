@@ -203,7 +203,7 @@ const void* Patch::record(const tactiled_sample& sample) noexcept {
     const std::size_t n = places_.n, n_components = std::size_t(std::popcount(law_.components()));
     auto* const force = reinterpret_cast<float*>(&array + 1);
     auto* const state = reinterpret_cast<std::uint8_t*>(force + n * n_components);
-    if (!std::exchange(is_new_, false)) {  // of no reading: the link is lost, or the frame is another device's
+    if (!std::exchange(is_new_, false)) {  // there was no reading: the link is lost, or the frame is of another device
         array.n_out = 0;
         std::fill_n(state, n, std::uint8_t(0));
         tactiled_invalidate_array(&array, std::uint32_t(n * n_components), sample.reasons);

@@ -73,7 +73,7 @@ private:
     std::array<double, 6> full_scale_{}, sd_{}, sd_slope_{};
     TaxelForces forces_, zero_, mean_;
     std::vector<TaxelOut> out_;
-    // Of each taxel: it had no force in the mean that runs, in the last tare, and in the one before the mean.
+    // A taxel had no force in the mean that runs, in the last tare, or in the one before that mean.
     std::vector<std::uint8_t> was_out_, has_no_zero_, had_no_zero_;
     bool has_lost_zeros_ = false, is_new_ = false;  // is_new_: the reading has had no record yet
     unsigned n_tare_ = 0;

@@ -71,7 +71,7 @@ void predict(const TaxelPlaces& places, const TaxelNoise& noise, const TaxelForc
 Sums::Sums(const TaxelPlaces& places, const TaxelNoise& noise) : places_(places), noise_(noise), none_(places.n, 0) {
     for (std::size_t i = 0; i < places.n; ++i) {
         const std::array<double, 3> r{double(places.x[i]), double(places.y[i]), double(places.z[i])};
-        std::array<std::array<double, 3>, 3> covariance{};  // of the taxel's force, in S
+        std::array<std::array<double, 3>, 3> covariance{};  // covariance of its force, in S
         for (std::size_t k = 0; k < 3; ++k) {
             const double v = double(noise.sd[k]) * double(noise.sd[k]);
             for (std::size_t a = 0; a < 3; ++a)

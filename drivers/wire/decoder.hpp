@@ -115,7 +115,7 @@ private:
     std::size_t at_ = 0, size_ = 0;
     std::uint64_t t_ns_ = 0;
     std::uint64_t since_ns_ = 0;     // not before the push before, to spread the times of its frames
-    std::uint64_t earliest_ns_ = 0;  // as push() was told
+    std::uint64_t earliest_ns_ = 0;  // the earliest arrival that push() was told
     Frame ahead_;
     bool ready_ = false;
 };

@@ -114,9 +114,9 @@ private:
     TaxelShape shape_;
     std::array<std::uint8_t, kHead> head_{};
     std::vector<std::uint8_t> start_, stop_;
-    std::vector<std::uint8_t> bytes_;  // of one frame
+    std::vector<std::uint8_t> bytes_;  // bytes of one frame
     std::size_t size_ = 0;
-    Arrival began_;  // of the first one
+    Arrival began_;  // time of the first one
     std::vector<float> values_;
 };
 
