@@ -5,12 +5,14 @@
 #include <cstdint>
 #include <vector>
 
+#include "config/calibration.hpp"
 #include "config/config.hpp"
+#include "drivers/driver.hpp"
 #include "drivers/frame.hpp"
 
 namespace tactiled {
 
-// The keys of the configuration, and values that setup.cpp derives from them, the calibration and the driver. Use the
+// The keys of the configuration, and values that tuning_of() derives from them, the calibration and the driver. Use the
 // derived value where there are both: frozen_of for frozen_after, tare_limit_of_.. for tare_limit_N, delay_s for delay_ms,
 // thermometer_frozen_after for temperature_frozen_after, and `pair` for the keys agree_...
 struct Tuning : SensorTuning {
@@ -38,5 +40,11 @@ struct Tuning : SensorTuning {
 
     [[nodiscard]] std::uint64_t tare_ns() const noexcept { return std::uint64_t(tare_ms) * 1'000'000u; }
 };
+
+// Returns the tuning of a sensor. `channel_of_frame`: for each channel of the model, its index in the frame; empty for an
+// array. `full_scale`: N and Nm, NaN = unknown. `driver` is nullptr if its configuration is wrong; the node then does not
+// run. setup
+Tuning tuning_of(const SensorSettings& settings, const Calibration& calibration, const std::vector<int>& channel_of_frame,
+                 const float (&full_scale)[6], const Driver* driver);
 
 }  // namespace tactiled

@@ -48,8 +48,8 @@ std::string fault_of_patch(const Calibration& calibration, std::uint32_t compone
         if (!is_determined(components, component_index(name)))
             return fmt::format("components has \"{}\", but the taxels measure fz alone: fz, mx, my are possible", name);
     if (calibration.joint_domain.limit > 0 || !calibration.parity.sd.empty() || !calibration.sd_unloading.empty() ||
-        !calibration.temperature.zero_per_K.empty() || !calibration.matrix.empty())
-        return "an array has no matrix, joint_domain, parity, sd_unloading or temperature";
+        !calibration.temperature.zero_per_K.empty() || !calibration.matrix.empty() || !calibration.repeats.noise.empty())
+        return "an array has no matrix, joint_domain, parity, repeats, sd_unloading or temperature";
     return "";
 }
 
@@ -117,9 +117,8 @@ Estimate Patch::decouple(const Reading& reading) noexcept {
 std::uint32_t Patch::find_out(Estimate& estimate) noexcept {
     std::uint32_t states = 0;
     for (std::size_t i = 0; i < places_.n; ++i) {
-        const std::uint8_t state = forces_.state[i] & ~std::uint8_t(TACTILED_TAXEL_OUTSIDE);
-        if (state == 0) continue;
-        states |= state;
+        if (has_force(forces_.state[i])) continue;
+        states |= forces_.state[i];
         out_.push_back({.taxel = std::uint16_t(i)});
     }
     if (2 * out_.size() > places_.n) {

@@ -22,10 +22,6 @@ double sum(std::size_t n, F term) noexcept {
     return total;
 }
 
-bool has_force(const TaxelForces& forces, std::size_t i) noexcept {
-    return (forces.state[i] & ~std::uint8_t(TACTILED_TAXEL_OUTSIDE)) == 0;
-}
-
 // Mean force of the neighbours of i that have one, without `skipped`, after the zero; their number in `n`.
 float mean_beside(const TaxelPlaces& places, const TaxelForces& zero, const TaxelForces& forces, std::size_t c,
                   std::size_t i, std::size_t skipped, unsigned& n) noexcept {
@@ -34,7 +30,7 @@ float mean_beside(const TaxelPlaces& places, const TaxelForces& zero, const Taxe
     n = 0;
     for (std::size_t k = 0; k < beside.n; ++k) {
         const std::size_t j = beside.of[k];
-        if (j == skipped || !has_force(forces, j)) continue;
+        if (j == skipped || !has_force(forces.state[j])) continue;
         mean += forces.component[c][j] - zero.component[c][j];
         ++n;
     }
@@ -57,7 +53,7 @@ void predict(const TaxelPlaces& places, const TaxelNoise& noise, const TaxelForc
             for (std::size_t k = 0; k < beside.n; ++k) {
                 const std::size_t j = beside.of[k];
                 unsigned n_beside = 0;
-                if (!has_force(forces, j)) continue;
+                if (!has_force(forces.state[j])) continue;
                 const float error =
                     forces.component[c][j] - zero.component[c][j] - mean_beside(places, zero, forces, c, j, i, n_beside);
                 squares += error * error;

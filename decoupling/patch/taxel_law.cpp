@@ -51,9 +51,6 @@ float largest_magnitude(const float* force, std::size_t n) noexcept {
     return largest;
 }
 
-constexpr std::uint8_t kNoForce =
-    TACTILED_TAXEL_MISSING | TACTILED_TAXEL_SATURATED | TACTILED_TAXEL_DEAD | TACTILED_TAXEL_FROZEN;
-
 }  // namespace
 
 TaxelLaw::TaxelLaw(const CalibrationData& data, const TaxelPlaces& places, std::string& fault)
@@ -127,7 +124,7 @@ bool TaxelLaw::apply(std::span<const float> raw, std::span<const std::uint8_t> s
         if (std::isfinite(force[2][i]) && std::abs(force[2][i]) > full_scale_N_) out.state[i] |= TACTILED_TAXEL_OUTSIDE;
     if (!places_.is_flat()) turn(out);
     for (std::size_t i = 0; any_out && i < n; ++i)
-        if ((out.state[i] & kNoForce) != 0)
+        if (!has_force(out.state[i]))
             for (auto& component : out.component)
                 if (!component.empty()) component[i] = std::numeric_limits<float>::quiet_NaN();
     return any_out;

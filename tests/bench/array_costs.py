@@ -91,7 +91,7 @@ def lost(frames):
             daemon.start()
             feed("udp", port, 1024, 3, 1000, frames / 1000).wait()
             time.sleep(1)
-            link = json.loads(daemon.ctl("status", "--json").stdout)["links"][0]["counts"]
+            link = json.loads(daemon.ctl("status", "--json").stdout)["links"][0]
             print(f"lost {frames - link['frames']} of {frames}: {link}", flush=True)
     finally:
         for process in busy:

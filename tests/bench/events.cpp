@@ -127,6 +127,15 @@ const Change kShifted =
     of_words("", [](const auto& words, std::size_t k) { return float_of(words[2 * k + 1], words[2 * k + 2]); });
 const Change kShort = of_words("", [](const auto& words, std::size_t k) { return double(std::int16_t(words[k])); });
 
+// The zero moves, and a new tare takes it; the force is then the one before.
+void tare_again(Trial& t) {
+    const Force held = t.force;
+    t.drift_N(0.15 * kFullScale_N);
+    (void)t.tare();
+    t.force = held;
+    (void)t.run(1);
+}
+
 // A tare cannot repair a device whose numbers have another scale or sign.
 const std::vector<Event> kEvents = {
     {"restart of 30 ms, takes its load for zero", Has::clock, Use::held, [](Trial& t) { t.restart(30), t.take_zero(); }},
@@ -203,11 +212,7 @@ const std::vector<Event> kEvents = {
          t.daemon.end_daemon(false);
          std::filesystem::copy_file(file, earlier, std::filesystem::copy_options::overwrite_existing);
          t.daemon.start_daemon(2000 * kMs);
-         const Force held = t.force;
-         t.drift_N(0.15 * kFullScale_N);
-         (void)t.tare();
-         t.force = held;
-         (void)t.run(1);
+         tare_again(t);
          t.daemon.end_daemon(false);
          std::filesystem::copy_file(earlier, file, std::filesystem::copy_options::overwrite_existing);
          t.daemon.start_daemon(2000 * kMs);
@@ -227,11 +232,7 @@ const std::vector<Event> kUnobservable = {
      [](Trial& t) { t.force = t.made.load(), t.take_zero(), t.power_cycle(false); }},
     {"the file of zeros is deleted after the zero has moved", Has::clock, Use::held,
      [](Trial& t) {
-         const Force held = t.force;
-         t.drift_N(0.15 * kFullScale_N);
-         (void)t.tare();
-         t.force = held;
-         (void)t.run(1);
+         tare_again(t);
          t.daemon.end_daemon(false);
          std::filesystem::remove(t.daemon.file_of_zeros());
          t.daemon.start_daemon(2000 * kMs);
