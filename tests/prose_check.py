@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks pages for lines of prose that are too long, and pages and comments for words that no dictionary has.
+"""Checks pages for lines of prose that are too long and for marks of merges, and pages and comments for words that no dictionary has.
 
     tests/prose_check.py            exit status 1 names each line and each unknown word with its places
     tests/prose_check.py --words    prints the unknown words alone, to be corrected or added to tests/words.txt
@@ -100,8 +100,12 @@ def main(arguments=None):
         name = os.path.relpath(path, args.root).replace(os.sep, "/")
         if name in GENERATED or args.words:
             continue
-        for line, length in long_lines(pathlib.Path(path).read_text()):
+        text = pathlib.Path(path).read_text()
+        for line, length in long_lines(text):
             print(f"{name}:{line}: {length} characters; at most {MAX_LENGTH}")
+            failed += 1
+        for line in (n for n, line in enumerate(text.split("\n"), 1) if re.match("(<{7}|>{7}) ", line)):
+            print(f"{name}:{line}: the mark of a merge that was not finished")
             failed += 1
     found = places(args.root)
     listed = args.root / WORDS

@@ -61,6 +61,12 @@ class Tree(unittest.TestCase):
         (self.root / "tests/words.txt").write_text("tactyle\nmeazure\n")
         self.assertEqual(self.run_check()[0], 0)
 
+    def test_a_merge_that_was_not_finished_is_named(self):
+        (self.root / "a.md").write_text("A line.\n" + "<" * 7 + " HEAD\nAnother one.\n")
+        status, output = self.run_check()
+        self.assertEqual(status, 1)
+        self.assertIn("a.md:2: the mark of a merge", output)
+
     def test_without_a_dictionary_it_is_skipped_but_long_lines_are_errors(self):
         for missing in (unittest.mock.patch("shutil.which", return_value=None), unittest.mock.patch.object(check, "DICTIONARIES", "en_US,xx_XX")):
             with missing:

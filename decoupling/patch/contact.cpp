@@ -20,11 +20,12 @@ void put_none(tactiled_array& array) noexcept {
 
 }  // namespace
 
-Contact::Contact(const TaxelPlaces& places, const TaxelNoise& noise)
+Contact::Contact(const TaxelPlaces& places, const TaxelNoise& noise, double narrowest_m)
     : places_(places),
       noise_(noise),
       z_(float(std::sqrt(2 * std::log(double(places.n) / kFalse)))),
       limit_N_(z_ * noise.sd[2]),
+      doubts_(places, noise, z_, narrowest_m),
       press_(places.n),
       region_(places.n) {
     terms_.reserve(places.n);
@@ -33,6 +34,8 @@ Contact::Contact(const TaxelPlaces& places, const TaxelNoise& noise)
 void Contact::forget(tactiled_array& array) noexcept {
     put_none(array);
     terms_.clear();
+    doubt_ = {};
+    doubted_N_ = predicted_N_ = 0;
 }
 
 float Contact::press(const TaxelForces& forces, const TaxelForces& zero, std::size_t i) const noexcept {
@@ -42,7 +45,7 @@ float Contact::press(const TaxelForces& forces, const TaxelForces& zero, std::si
     return -along;
 }
 
-void Contact::find(const TaxelForces& forces, const TaxelForces& zero, const std::vector<TaxelOut>& out,
+void Contact::find(TaxelForces& forces, const TaxelForces& zero, const std::vector<TaxelOut>& out,
                    tactiled_array& array) noexcept {
     const std::size_t n = places_.n;
     forget(array);
@@ -67,6 +70,7 @@ void Contact::find(const TaxelForces& forces, const TaxelForces& zero, const std
     array.peak_sd_N = std::hypot(noise_.sd[2], noise_.gain * press_[peak]);
     find_region();
     use_variances(out);
+    add_doubts(forces);
     for (const TaxelOut& one : out)
         if (one.taxel == peak) array.peak_sd_N = std::sqrt(along_normal(one));
     array.area_m2 = places_.taxel_area_m2 * (float(array.n_contact) - float(boundary_) / 2);
@@ -131,7 +135,29 @@ void Contact::use_variances(const std::vector<TaxelOut>& out) noexcept {
     auto term = terms_.begin();  // both are in the order of the taxels
     for (const TaxelOut& one : out) {
         while (term != terms_.end() && term->taxel < one.taxel) ++term;
-        if (term != terms_.end() && term->taxel == one.taxel) term->variance = double(along_normal(one));
+        if (term == terms_.end() || term->taxel != one.taxel) continue;
+        term->variance = double(along_normal(one));
+        predicted_N_ += std::sqrt(term->variance);
+    }
+}
+
+// The error of a doubted taxel adds to its variance, and the errors of all of them to the wrench, as those of a line of
+// taxels with one cause do.
+void Contact::add_doubts(TaxelForces& forces) noexcept {
+    for (Term& term : terms_) {
+        const double error = double(doubts_.contradiction(press_, forces.state, term.taxel));
+        if (error == 0) continue;
+        forces.state[term.taxel] |= TACTILED_TAXEL_DOUBTED;
+        term.variance += error * error;
+        doubted_N_ += std::abs(error);
+        const std::array<double, 3> r{double(places_.x[term.taxel]), double(places_.y[term.taxel]),
+                                      double(places_.z[term.taxel])};
+        for (std::size_t c = 0; c < 3; ++c) {
+            const std::size_t a = (c + 1) % 3, b = (c + 2) % 3;
+            const auto& normal = places_.normal[term.taxel];
+            doubt_[c] += std::abs(error * double(normal[c]));
+            doubt_[3 + c] += std::abs(error * (r[a] * double(normal[b]) - r[b] * double(normal[a])));
+        }
     }
 }
 

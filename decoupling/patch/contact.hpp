@@ -19,11 +19,13 @@
 // The contact covers the taxels at its boundary by a part that depends on its shape, between 0 and 1 of them all:
 // area = (n - b / 2) taxels, with the sd b / sqrt(12), for n taxels in contact and b of them at the boundary.
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
 #include <vector>
 
+#include "decoupling/patch/doubts.hpp"
 #include "decoupling/patch/sums.hpp"
 #include "tactiled/layout.h"
 
@@ -32,15 +34,21 @@ namespace tactiled {
 class Contact {
 public:
     // setup
-    Contact(const TaxelPlaces& places, const TaxelNoise& noise);
-    // Fills the members of `array` that describe the contact. The forces of `out` are predicted. rt: wait-free
-    void find(const TaxelForces& forces, const TaxelForces& zero, const std::vector<TaxelOut>& out,
+    Contact(const TaxelPlaces& places, const TaxelNoise& noise, double narrowest_m);
+    // Fills the members of `array` that describe the contact, and sets the state of doubted taxels in `forces`. The forces
+    // of `out` are predicted. rt: wait-free
+    void find(TaxelForces& forces, const TaxelForces& zero, const std::vector<TaxelOut>& out,
               tactiled_array& array) noexcept;
     // Sets that there is no contact. rt: wait-free
     void forget(tactiled_array& array) noexcept;
     // Variance of the moments of the press about x and y from its unknown places within the taxels, N^2 m^2; 0 without a
     // contact. rt: wait-free
     [[nodiscard]] std::array<double, 2> within() const noexcept;
+    // The error of the wrench from the doubted taxels, all in one direction. The share of this in the press, and that of the
+    // errors of the predicted taxels. 0 without a contact. rt: wait-free
+    [[nodiscard]] const Wrench& doubt() const noexcept { return doubt_; }
+    [[nodiscard]] double doubted_share() const noexcept { return share_of(doubted_N_); }
+    [[nodiscard]] double predicted_share() const noexcept { return share_of(predicted_N_); }
 
 private:
     struct Term {
@@ -53,18 +61,25 @@ private:
     void add_term(std::size_t i) noexcept;
     [[nodiscard]] float along_normal(const TaxelOut& one) const noexcept;
     void use_variances(const std::vector<TaxelOut>& out) noexcept;
+    void add_doubts(TaxelForces& forces) noexcept;
+    [[nodiscard]] double share_of(double error_N) const noexcept {
+        return error_N > 0 ? error_N / std::max(sum_N_, error_N) : 0;
+    }
     void put_centre(tactiled_array& array) const noexcept;
     void put_axis(tactiled_array& array) const noexcept;
 
     const TaxelPlaces& places_;
     TaxelNoise noise_;
     float z_, limit_N_;
+    Doubts doubts_;
     std::vector<float> press_;
     std::vector<std::uint8_t> region_;  // a taxel is outside of the contact, in it, or beside it
     std::vector<Term> terms_;           // one for each taxel of the region
     double sum_N_ = 0;
     unsigned boundary_ = 0;  // taxels in contact beside one that is not
     std::array<double, 3> centre_m_{};
+    Wrench doubt_{};
+    double doubted_N_ = 0, predicted_N_ = 0;
 };
 
 }  // namespace tactiled

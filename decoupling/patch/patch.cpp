@@ -15,8 +15,11 @@ namespace {
 
 constexpr std::array<Parameter, 1> kNoiseParameters{{{"gain_sd", "sd of a taxel's own gain, relative", 0, 10, 0}}};
 constexpr std::array<KnownTable, 1> kNoiseTables{{{"taxel_sd", 1, kAnyNumber, false}}};
-constexpr auto kParameters = joined(joined(kPlaceParameters, kLawParameters), kNoiseParameters);
+constexpr auto kParameters = joined(joined(joined(kPlaceParameters, kLawParameters), kNoiseParameters), kDoubtParameters);
 constexpr auto kTables = joined(joined(kPlaceTables, kLawTables), kNoiseTables);
+
+// A GOOD press may be off by a tenth at most, and what the neighbours do not show may be as large as what they do.
+constexpr double kUnsureShare = 0.05;
 
 TaxelNoise noise_of(const CalibrationData& data, std::string& fault) {
     TaxelNoise noise;
@@ -60,8 +63,9 @@ Patch::Patch(const CalibrationData& data, std::string& fault)
       law_(data, places_, fault),
       noise_(noise_of(data, fault)),
       sums_(places_, noise_),
-      contact_(places_, noise_) {
+      contact_(places_, noise_, data["narrowest_contact_mm"] * 1e-3) {
     const Calibration& calibration = data.calibration();
+    if (fault.empty()) fault = fault_of_narrowest(places_, data["narrowest_contact_mm"] * 1e-3);
     if (fault.empty()) fault = fault_of_patch(calibration, law_.components());
     if (!fault.empty()) return;
     forces_ = zero_ = mean_ = forces_of(places_.n, law_.components());
@@ -138,6 +142,12 @@ void Patch::put_sums(Estimate& estimate) noexcept {
     const bool is_known = (estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) == 0;
     Wrench variance = sums_.variance();
     for (std::size_t c = 0; c < 2; ++c) variance[3 + c] += contact_.within()[c];
+    for (std::size_t c = 0; c < 6; ++c) {
+        const double error = std::max(contact_.doubt()[c], std::abs(contact_.doubted_share() * sums_.wrench()[c]));
+        variance[c] += error * error;  // of a component without a part of the press, its share
+    }
+    if (contact_.doubted_share() > kUnsureShare) estimate.reasons |= TACTILED_DISAGREEMENT;
+    if (contact_.predicted_share() > kUnsureShare) estimate.reasons |= TACTILED_MISSING_CHANNEL;
     bool is_finite = true;
     for (std::size_t c = 0; c < 6; ++c) {
         if (!seen_[c]) continue;

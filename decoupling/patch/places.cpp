@@ -85,6 +85,18 @@ std::string rewire(const std::vector<double>& wiring, TaxelPlaces& places) {
 // in a grid, with distances relative to its pitches, those beside it and not those across its corners.
 constexpr float kReach = 1.3f;
 
+// The taxel lies between two neighbours if the middle of these is nearer to it than half of the way to the nearest one.
+void put_between(const TaxelPlaces& places, std::size_t i, float nearest, const Axis& unit, TaxelPlaces::Neighbours& of) {
+    for (std::size_t k = 0; k < of.n; ++k)
+        for (std::size_t m = k + 1; m < of.n && of.n_between < of.between.size(); ++m) {
+            const std::size_t a = of.of[k], b = of.of[m];
+            const Axis middle{((places.x[a] + places.x[b]) / 2 - places.x[i]) / unit[0],
+                              ((places.y[a] + places.y[b]) / 2 - places.y[i]) / unit[1],
+                              (places.z[a] + places.z[b]) / 2 - places.z[i]};
+            if (std::sqrt(dot(middle, middle)) < nearest / 2) of.between[of.n_between++] = {of.of[k], of.of[m]};
+        }
+}
+
 void put_neighbours(TaxelPlaces& places) {
     std::vector<std::pair<float, std::uint16_t>> near;
     std::vector<float> nearest;
@@ -101,7 +113,9 @@ void put_neighbours(TaxelPlaces& places) {
         std::partial_sort(near.begin(), near.begin() + std::ptrdiff_t(most), near.end());
         TaxelPlaces::Neighbours& of = places.neighbours.emplace_back();
         while (of.n < most && near[of.n].first <= kReach * near[0].first) of.of[of.n] = near[of.n].second, ++of.n;
-        if (most > 0) nearest.push_back(near[0].first);
+        if (most == 0) continue;
+        nearest.push_back(near[0].first);
+        put_between(places, i, near[0].first, {wide, high, 1}, of);
     }
     if (is_grid || nearest.empty()) return;
     std::nth_element(nearest.begin(), nearest.begin() + std::ptrdiff_t(nearest.size() / 2), nearest.end());

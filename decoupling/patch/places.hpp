@@ -16,6 +16,8 @@ struct TaxelPlaces {
     struct Neighbours {
         std::uint16_t n = 0;
         std::array<std::uint16_t, kNeighbours> of{};
+        std::uint16_t n_between = 0;  // pairs of them between which the taxel lies
+        std::array<std::array<std::uint16_t, 2>, 2> between{};
     };
 
     std::size_t n = 0;

@@ -16,7 +16,9 @@
 namespace tactiled {
 
 // True if a taxel in this state, enum tactiled_taxel_state, has a force of its own.
-[[nodiscard]] constexpr bool has_force(std::uint8_t state) noexcept { return (state & ~TACTILED_TAXEL_OUTSIDE) == 0; }
+[[nodiscard]] constexpr bool has_force(std::uint8_t state) noexcept {
+    return (state & ~(TACTILED_TAXEL_OUTSIDE | TACTILED_TAXEL_DOUBTED)) == 0;
+}
 
 // The forces of n taxels, N: component c is component[c], empty if it is not measured.
 struct TaxelForces {

@@ -9,7 +9,7 @@
 namespace tactiled::ctl {
 
 // The bits of a taxel's state (enum tactiled_taxel_state), from bit 0 on.
-inline constexpr std::array<const char*, 5> kTaxelStates = {"missing", "saturated", "dead", "frozen", "outside"};
+inline constexpr std::array<const char*, 6> kTaxelStates = {"missing", "saturated", "dead", "frozen", "outside", "doubted"};
 
 // Returns the press on taxel i along its normal, N, from the components that are measured; NaN without one.
 float press_N(const SegmentView& segment, std::uint32_t sensor, const Array& array, std::uint32_t i);

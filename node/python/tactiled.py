@@ -65,7 +65,7 @@ AGE_UNBOUNDED = 0xFFFFFFFF  # Info.age_bound_us: that or more, or not known
 
 CONTACT, OVERLOAD, LOW_PASS, STEPPED_DOWN, OVER_BUDGET = 1, 2, 4, 8, 16  # Sample.state
 
-TAXEL_MISSING, TAXEL_SATURATED, TAXEL_DEAD, TAXEL_FROZEN, TAXEL_OUTSIDE = 1, 2, 4, 8, 16  # Array.state
+TAXEL_MISSING, TAXEL_SATURATED, TAXEL_DEAD, TAXEL_FROZEN, TAXEL_OUTSIDE, TAXEL_DOUBTED = 1, 2, 4, 8, 16, 32  # Array.state
 
 READY, ANY_CONTACT = 1 << 0, 1 << 1  # NodeRecord.status
 ANY_TARING, SIMULATED, ANY_STALE, ANY_UNCALIBRATED = 1 << 8, 1 << 9, 1 << 10, 1 << 11
@@ -178,7 +178,7 @@ class Sample(collections.namedtuple("Sample", _SAMPLE.names)):
 
 class Array(collections.namedtuple("Array", [*_ARRAY.names, "force_S_N", "state"])):
     """The array of a sensor with taxels: the fields of struct tactiled_array; force_S_N, taxels by components, N; and the state
-    of each taxel, 0 or bits TAXEL_... of why it has no force. The last two are arrays of numpy, or memoryview objects where it
+    of each taxel, 0 or bits TAXEL_... of why it has no force, or a doubtful one. The last two are arrays of numpy, or memoryview objects where it
     is not installed. The sample has the verdict: where it is BAD all numbers are NaN."""
     __slots__ = ()
 

@@ -42,6 +42,8 @@ struct Array {
     double pitch_m = 2e-3;
     double noise_N = 0.005, gain_sd = 0.02;
     double counts_per_N = 1000;
+    double narrowest_mm = 0;    // contact, as the calibration states it
+    unsigned frozen_after = 0;  // frames
 
     [[nodiscard]] std::size_t taxels() const { return rows * columns; }
     [[nodiscard]] double x(std::size_t i) const { return (double(i % columns) - double(columns - 1) / 2) * pitch_m; }
@@ -71,7 +73,9 @@ inline Calibration calibration_of(const Array& array) {
     c.parameters = {{"rows", double(array.rows)},
                     {"columns", double(array.columns)},
                     {"pitch_mm", array.pitch_m * 1e3},
-                    {"gain_sd", array.gain_sd}};
+                    {"gain_sd", array.gain_sd},
+                    {"narrowest_contact_mm", array.narrowest_mm},
+                    {"frozen_after", double(array.frozen_after)}};
     return c;
 }
 

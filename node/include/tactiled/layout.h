@@ -554,13 +554,14 @@ struct tactiled_sensor {
  * then uint8_t state[n_taxels]. A force of a taxel that is not measured is NaN; all are where the sample is BAD.
  * Since 1.9. */
 
-/* Why a taxel has no force of its own: bits of its state; 0 = it has one. */
+/* Why a taxel has no force of its own, or what is wrong with it: bits of its state; 0 = nothing. */
 enum tactiled_taxel_state {
     TACTILED_TAXEL_MISSING = 1 << 0,   /* the device sent no number */
     TACTILED_TAXEL_SATURATED = 1 << 1, /* a value is at its limit */
     TACTILED_TAXEL_DEAD = 1 << 2,      /* the calibration lists it */
     TACTILED_TAXEL_FROZEN = 1 << 3,    /* it repeats its numbers */
-    TACTILED_TAXEL_OUTSIDE = 1 << 4    /* it has a force, beyond its calibrated range */
+    TACTILED_TAXEL_OUTSIDE = 1 << 4,   /* it has a force, beyond its calibrated range */
+    TACTILED_TAXEL_DOUBTED = 1 << 5    /* it has a force that contradicts those of its neighbours */
 };
 
 /* The results of an array. A quantity is NaN where the press does not determine it, and where the sample is BAD. Each sd is

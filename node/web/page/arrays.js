@@ -107,7 +107,8 @@ class HeatMap {
     }
     const sign = cell.map((side) => Math.max(side, kSign_px));  // above the neighbours, so that it can be seen
     if (a) for (const i of this.order) {
-      if (a.state[i] & kOutside) frame_of(pen, corner(i, cell), cell, paint.ink);
+      const why = framedOf(a.state[i]);
+      if (why) frame_of(pen, corner(i, cell), cell, paint[kFrames[why].ink]);
       if (stateOf(a.state[i])) drawMark(pen, stateOf(a.state[i]), corner(i, sign), sign, paint);
     }
     if (a && known(a.cop_S_m[0])) drawCentre(pen, at(a.cop_S_m[0], a.cop_S_m[1]), a.cop_sd_m.map((sd) => (sd || 0) * zoom), paint);
@@ -119,7 +120,8 @@ class HeatMap {
   }
   showLegend(a) {
     const counts = new Map();
-    if (a) for (const state of a.state) if (state) counts.set(stateOf(state) || "outside", (counts.get(stateOf(state) || "outside") || 0) + 1);
+    const count = (name) => { if (name) counts.set(name, (counts.get(name) || 0) + 1); };
+    if (a) for (const state of a.state) if (state) count(stateOf(state) || framedOf(state));
     const key = JSON.stringify([this.scale_N, [...counts], colour("paper")]);
     if (key === this.drawn) return;
     this.drawn = key;
@@ -133,17 +135,20 @@ class HeatMap {
       const entry = document.createElement("span"), sign = document.createElement("canvas");
       Object.assign(sign, { width: 14, height: 14 });
       const ink = sign.getContext("2d");
-      if (name === "outside") frame_of(ink, [1, 1], [12, 12], paint.ink); else drawMark(ink, name, [1, 1], [12, 12], paint);
-      entry.append(sign, ` ${name === "outside" ? "beyond its range" : name} ${n}`);
+      const frame = kFrames[name];
+      if (frame) frame_of(ink, [1, 1], [12, 12], paint[frame.ink]); else drawMark(ink, name, [1, 1], [12, 12], paint);
+      entry.append(sign, ` ${frame ? frame.words : name} ${n}`);
       return entry;
     });
     this.legend.replaceChildren(scale, ...marks);
   }
 }
 
-const kOutside = 1 << 4;
+// States of a taxel that has a force.
+const kFrames = { doubted: { ink: "bad", words: "contradicts its neighbours" }, outside: { ink: "ink", words: "beyond its range" } };
 const digits = (v) => Math.max(0, 1 - Math.floor(Math.log10(v)));
-const stateOf = (bits) => hello.taxel_states.find((_, bit) => bits >> bit & 1 && 1 << bit !== kOutside);
+const stateOf = (bits) => hello.taxel_states.find((name, bit) => bits >> bit & 1 && !kFrames[name]);
+const framedOf = (bits) => Object.keys(kFrames).find((name) => bits >> hello.taxel_states.indexOf(name) & 1);
 
 // The median distance of a taxel to its nearest one in x and y.
 function spacing(x_m, y_m) {

@@ -122,6 +122,58 @@ TEST_F(PatchTest, TheSdContainsWhatTheNeighboursDoNotPredict) {
     EXPECT_GT(decouple().sd[2], 1);
 }
 
+// The press of one body has no valley: a weak taxel in its middle is doubted, in the sd of force and moment as well.
+TEST_F(PatchTest, DoubtsATaxelBelowTheTwoBesideIt) {
+    press_all(1000);
+    const double even = decouple().sd[2];
+    press_at(12, -200);
+    Estimate e = decouple();
+    EXPECT_EQ(e.quality(), TACTILED_GOOD);  // 0.2 N of 30 N
+    EXPECT_EQ(state(12), unsigned(TACTILED_TAXEL_DOUBTED));
+    EXPECT_NEAR(force(12, 2), -0.8, 1e-6);
+    EXPECT_NEAR(e.sd[2] * e.sd[2], even * even + 0.2 * 0.2, 1e-3);
+    for (const std::size_t i : {2u, 7u, 17u, 22u, 27u}) press_at(i, -200);  // the whole column
+    e = decouple();
+    EXPECT_EQ(state(2) & state(27), unsigned(TACTILED_TAXEL_DOUBTED));
+    EXPECT_NEAR(e.sd[2] * e.sd[2], even * even + 1.2 * 1.2, 1e-2);
+    EXPECT_EQ(e.quality(), TACTILED_GOOD);  // 1.2 N of 28.8 N
+    for (const std::size_t i : {2u, 7u, 12u, 17u, 22u, 27u}) press_at(i, -200);
+    EXPECT_EQ(decouple().reasons, unsigned(TACTILED_DISAGREEMENT));
+}
+
+TEST_F(PatchTest, DoubtsNoSlopeNoEdgeAndNoNoise) {
+    for (std::size_t i = 0; i < 30; ++i) press_at(i, float(i % 5) * 300 + (i / 5 > 2 ? 1000.f : 0.f));
+    press_at(12, -20);  // 4 sd of 600
+    EXPECT_EQ(decouple().quality(), TACTILED_GOOD);
+    for (std::size_t i = 0; i < 30; ++i) EXPECT_EQ(state(i), 0u) << i;
+}
+
+// A needle is a press like another, unless the calibration states how narrow a contact may be.
+TEST_F(PatchTest, DoubtsAPressOnOneTaxelWhereContactsAreWider) {
+    press_at(12, 1000);
+    EXPECT_EQ(decouple().quality(), TACTILED_GOOD);
+    calibration_.parameters["narrowest_contact_mm"] = 6;
+    make();
+    const Estimate e = decouple();
+    EXPECT_EQ(e.reasons, unsigned(TACTILED_DISAGREEMENT));
+    EXPECT_EQ(state(12), unsigned(TACTILED_TAXEL_DOUBTED));
+    EXPECT_GT(e.sd[2], 1);
+    for (const std::size_t i : {7u, 11u, 13u, 17u}) press_at(i, 700);  // a ball of 6 mm
+    EXPECT_EQ(decouple().quality(), TACTILED_GOOD);
+    calibration_.parameters["narrowest_contact_mm"] = 3;
+    EXPECT_NE(fault_of(calibration_).find("narrowest_contact_mm = 3 is less than two pitches, 4 mm"), std::string::npos);
+}
+
+// What the neighbours do not predict of a column without values exceeds a twentieth of the press.
+TEST_F(PatchTest, IsUncertainWhereMuchOfThePressIsPredicted) {
+    for (std::size_t i = 0; i < 30; ++i) press_at(i, i % 5 == 2 ? 2000 : i % 5 == 1 || i % 5 == 3 ? 1000 : 0);
+    EXPECT_EQ(decouple().quality(), TACTILED_GOOD);
+    raw_[60 + 12] = kNan;
+    EXPECT_EQ(decouple().quality(), TACTILED_GOOD);
+    for (const std::size_t i : {2u, 7u, 17u, 22u, 27u}) raw_[60 + i] = kNan;
+    EXPECT_EQ(decouple().reasons, unsigned(TACTILED_MISSING_CHANNEL));
+}
+
 TEST_F(PatchTest, IsUncertainWhereATaxelHasNoNeighbours) {
     for (const std::size_t i : {12u, 7u, 17u, 11u}) raw_[60 + i] = kNan;
     const Estimate e = decouple();
