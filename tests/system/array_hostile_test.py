@@ -160,6 +160,30 @@ class Hostile(unittest.TestCase):
                   for _ in range(MUTATIONS // 40))
 
 
+class EchoLies(unittest.TestCase):
+    def test_a_device_whose_answers_have_another_time_proves_no_age(self):
+        """Its frames have the right time, and its answers an earlier or any time."""
+        class Liar(ArrayDevice):
+            def now_us(self):
+                return super().now_us() - self.late_us()
+
+        lies = {"five_s": lambda: 5_000_000, "fifty_ms": lambda: 50_000, "any": lambda: random.randrange(1 << 32)}
+        devices = [Liar(name, 4, 4) for name in lies]
+        for device in devices:
+            device.late_us = lies[device.name]
+            self.enterContext(device)
+        daemon = array_daemon(*devices)
+        self.addCleanup(shutil.rmtree, daemon.folder)
+        self.addCleanup(daemon.__exit__)
+        wait_for(lambda: all(device.answers > 5 for device in devices), "answers")
+        with tactiled.open(daemon.name, str(daemon.segment.parent)) as node:
+            for name in lies:
+                with node.follow(name, 0, from_oldest=True) as samples:
+                    seen = [sample.reasons_text for sample in samples]
+                self.assertGreater(len(seen), 50, name)
+                self.assertTrue(all("unproved-age" in reasons or "no-data-yet" in reasons for reasons in seen), (name, seen[-1]))
+
+
 class AnyFloats(unittest.TestCase):
     def test_no_array_with_a_value_has_a_number_that_is_infinite(self):
         """A device that sends all kinds of f32: NaN, infinities, the largest and the smallest ones, and any bits."""

@@ -19,7 +19,7 @@ from web_server import PROGRAM, Web
 sys.path.insert(0, str(ROOT / "node/python"))
 import tactiled  # noqa: E402
 
-KILLS = int(os.environ.get("KILLS", 6))
+KILLS = int(os.environ.get("KILLS", 4))
 WATCHDOG_MS = 250  # the default; a reader may show the values of a killed daemon for this time
 T_S_MS = 0.1  # resolution of t_s
 
