@@ -24,6 +24,8 @@ import tactiled  # noqa: E402
 MUTATIONS = int(os.environ.get("MUTATIONS", 20_000))
 BATCH, PAUSE_S = 40, 0.001  # fewer than the socket's buffer holds
 F32 = 5
+# The reasons of samples after a busy machine has stopped the daemon for so long that the link is opened again.
+DELAYED = tactiled.DISCONNECTED | tactiled.STALE | tactiled.STEPPED | tactiled.UNPROVED_AGE | tactiled.ZERO_OLD
 TAXELS = 32 * 32
 
 
@@ -51,17 +53,17 @@ class Hostile(unittest.TestCase):
         has counted, with `n` messages and `size` bytes sent."""
         before, cpu_s, memory_kB = self.counts(), process_costs.cpu_s(self.daemon.process.pid), process_costs.status(self.daemon.process.pid, "VmRSS")
         n = size = 0
-        first = self.node.latest("skin").sequence
+        first, doubtful = self.node.latest("skin").sequence, []
         with self.node.follow("skin", 0) as samples:
             for message in messages:
                 (sender or self.device.socket).sendto(message, ("127.0.0.1", self.device.listen))
                 n, size = n + 1, size + len(message)
                 if n % BATCH == 0:
-                    self.judge(samples)
+                    self.judge(samples, doubtful)
                     time.sleep(PAUSE_S)
             last = self.node.latest("skin").sequence
             wait_for(lambda: self.node.latest("skin").sequence > last + 5, "arrays after the last message")
-            self.judge(samples)
+            self.judge(samples, doubtful)
         after = self.counts()
         found = {key: after[key] - before[key] for key in after if isinstance(after[key], int) and not isinstance(after[key], bool)}
         used_us = 1e6 * (process_costs.cpu_s(self.daemon.process.pid) - cpu_s) / n
@@ -69,14 +71,18 @@ class Hostile(unittest.TestCase):
         if "MUTATIONS" in os.environ:
             print(self.id().rpartition(".")[2], n, "sent,", f"{used_us:.1f} us each with those of the device,", {key: value for key, value in found.items() if value})
         self.assertGreater(self.node.latest("skin").sequence, first)
+        self.assertEqual([sample.reasons_text for sample in doubtful if not found["opened"] or sample.reasons & ~DELAYED], [])
         return {**found, "n": n, "size": size}
 
-    def judge(self, samples):
+    def judge(self, samples, doubtful):
+        """Keeps the samples that are not GOOD, and tests the values of the others."""
         for sample in samples:
-            self.assertEqual(sample.quality, tactiled.GOOD, sample.reasons_text)
+            if sample.quality != tactiled.GOOD:
+                doubtful.append(sample)
+                continue
             self.assertLess(abs(-sample.force_S_N[2] - TAXELS * force_N(sample.device_sequence)), TAXELS * HALF_COUNT_N)
         array = self.node.array("skin")
-        self.assertTrue(all(abs(-row[0] - force_N(array.sample.device_sequence)) < HALF_COUNT_N for row in array.force_S_N.tolist()))
+        self.assertTrue(array.sample.quality == tactiled.BAD or all(abs(-row[0] - force_N(array.sample.device_sequence)) < HALF_COUNT_N for row in array.force_S_N.tolist()))
 
     def expect_all(self, found, *counters):
         """All that was sent was counted, but for what the socket's buffer did not hold."""
