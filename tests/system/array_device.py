@@ -129,6 +129,10 @@ class ArrayDevice:
             message += struct.pack(f"<{count * self.values}h", *numbers[first * self.values:(first + count) * self.values])
             yield with_crc(message)
 
+    def now_us(self):
+        """The time in an answer."""
+        return time.monotonic_ns() // 1000
+
     def answer(self, wait_s):
         """Answers the questions that come within this time."""
         until = time.monotonic() + wait_s
@@ -136,8 +140,7 @@ class ArrayDevice:
             text, sender = self.socket.recvfrom(2048)
             for line in text.split(b"\n"):
                 if line.startswith(b"?") and line[1:].isdigit():
-                    t_us = time.monotonic_ns() // 1000 & 0xFFFFFFFF
-                    self.socket.sendto(with_crc(struct.pack("<BBHII", ANSWER, 0, 0, int(line[1:]) & 0xFFFFFFFF, t_us)), sender)
+                    self.socket.sendto(with_crc(struct.pack("<BBHII", ANSWER, 0, 0, int(line[1:]) & 0xFFFFFFFF, self.now_us() & 0xFFFFFFFF)), sender)
                     self.answers += 1
 
     def run(self):
