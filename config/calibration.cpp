@@ -16,6 +16,7 @@ namespace {
 
 constexpr std::size_t kMaxBytes = std::size_t{16} << 20;
 constexpr std::size_t kMaxMethods = 16;
+constexpr std::size_t kMaxTaxelFiles = 4096;
 constexpr Range kFinite{-1e300, 1e300};  // room below overflow for products of a few numbers
 constexpr Range kNotNegative{0, 1e300};
 constexpr Range kLimit{1e-9, 1e9};
@@ -253,6 +254,20 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
     fit.validation = file.text("validation", "");
 }
 
+// Reads the calibrations of the taxels. One of them has no taxels of its own.
+void read_taxels(Calibration& array, Problems& problems) {
+    const std::string folder = array.path.substr(0, array.path.rfind('/') + 1);
+    for (const auto& name : array.taxel_files) {
+        const std::string path = name.front() == '/' ? name : folder + name;
+        const auto text = read_text_file(path, kMaxBytes, problems);
+        if (!text) return;
+        Calibration taxel = parse_calibration(*text, path, problems);
+        if (!taxel.taxel_files.empty()) problems.add(path, 0, "the calibration of a taxel has no taxel_calibration itself");
+        array.crc = crc_of_lines(fmt::format("{:04x}{:04x}", array.crc, taxel.crc));
+        array.taxels.push_back(std::move(taxel));
+    }
+}
+
 }  // namespace
 
 Calibration parse_calibration(std::string_view text, const std::string& name, Problems& problems) {
@@ -281,6 +296,7 @@ Calibration parse_calibration(std::string_view text, const std::string& name, Pr
     read_parity(file, calibration);
     read_temperature(file, calibration);
     read_components(file, calibration);
+    calibration.taxel_files = file.texts("taxel_calibration", {0, kMaxTaxelFiles});
     read_fit(file, calibration, calibration);
     for (Options& other : file.tables("other", kMaxMethods)) {
         read_fit(other, calibration, calibration.others.emplace_back());
@@ -307,11 +323,11 @@ Calibration Calibration::with_method(const std::string& name) const {
 }
 
 Calibration load_calibration(const std::string& path, Problems& problems) {
-    const auto text = read_text_file(path, kMaxBytes, problems);
-    if (text) return parse_calibration(*text, path, problems);
-    Calibration nothing;
-    nothing.path = path;
-    return nothing;
+    Calibration calibration;
+    calibration.path = path;
+    if (const auto text = read_text_file(path, kMaxBytes, problems)) calibration = parse_calibration(*text, path, problems);
+    read_taxels(calibration, problems);
+    return calibration;
 }
 
 }  // namespace tactiled

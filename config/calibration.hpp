@@ -125,9 +125,14 @@ struct Calibration : Fit {
     // Per component, N or Nm: standard deviation of the zero an hour after it was known, and of the zero of another mounting
     // or power-up. Empty: not seen in the rows.
     std::vector<double> zero_rate_per_h, zero_shift;
-    int rows = 0;           // labelled rows used
-    std::uint16_t crc = 0;  // CRC-16/CCITT-FALSE over the file up to its line `crc = `
+    int rows = 0;  // labelled rows used
+    // CRC-16/CCITT-FALSE over the file up to its line `crc = `, and over those of `taxels`
+    std::uint16_t crc = 0;
     std::vector<Fit> others;
+    // An array whose taxels have a model of their own: the calibration of all taxels or one of each, named by files in the
+    // folder of this one. Empty: none; load_calibration() reads the files.
+    std::vector<std::string> taxel_files;
+    std::vector<Calibration> taxels;
 
     // Returns this calibration with the fit of `name`, if it has one, and without the others.
     [[nodiscard]] Calibration with_method(const std::string& name) const;

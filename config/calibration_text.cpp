@@ -129,6 +129,7 @@ std::string calibration_text(const Calibration& calibration) {
     out.numbers("full_scale", calibration.full_scale);
     out.numbers("zero_rate_per_h", calibration.zero_rate_per_h);
     out.numbers("zero_shift", calibration.zero_shift);
+    if (!calibration.taxel_files.empty()) out.line("taxel_calibration", toml_texts(calibration.taxel_files));
     out.line("rows", fmt::format("{}", calibration.rows));
     out.fit(calibration);
     for (const Fit& other : calibration.others) {

@@ -21,7 +21,8 @@ constexpr auto kTables = joined(joined(kPlaceTables, kLawTables), kNoiseTables);
 // A GOOD press may be off by a tenth at most, and what the neighbours do not show may be as large as what they do.
 constexpr double kUnsureShare = 0.05;
 
-TaxelNoise noise_of(const CalibrationData& data, std::string& fault) {
+TaxelNoise noise_of(const CalibrationData& data, const TaxelModels& models, std::string& fault) {
+    if (!models.is_empty()) return {models.sd_at_rest(), models.gain_sd()};
     TaxelNoise noise;
     noise.gain = float(data["gain_sd"]);
     const NumberRows* const table = data.table("taxel_sd");
@@ -35,11 +36,13 @@ TaxelNoise noise_of(const CalibrationData& data, std::string& fault) {
     return noise;
 }
 
-TaxelForces forces_of(std::size_t n, std::uint32_t components) {
+TaxelForces forces_of(std::size_t n, std::uint32_t components, bool with_sd) {
     TaxelForces forces;
     forces.state.assign(n, 0);
-    for (std::size_t c = 0; c < 3; ++c)
+    for (std::size_t c = 0; c < 3; ++c) {
         if ((components >> c & 1u) != 0) forces.component[c].assign(n, 0);
+        if (with_sd) forces.sd[c].assign(n, 0);
+    }
     return forces;
 }
 
@@ -61,21 +64,21 @@ std::string fault_of_patch(const Calibration& calibration, std::uint32_t compone
 Patch::Patch(const CalibrationData& data, std::string& fault)
     : places_(places_of(data, fault)),
       law_(data, places_, fault),
-      noise_(noise_of(data, fault)),
-      sums_(places_, noise_),
+      noise_(noise_of(data, law_.models(), fault)),
+      sums_(places_, noise_, law_.models().is_common()),
       contact_(places_, noise_, data["narrowest_contact_mm"] * 1e-3) {
     const Calibration& calibration = data.calibration();
     if (fault.empty()) fault = fault_of_narrowest(places_, data["narrowest_contact_mm"] * 1e-3);
     if (fault.empty()) fault = fault_of_patch(calibration, law_.components());
     if (!fault.empty()) return;
-    forces_ = zero_ = mean_ = forces_of(places_.n, law_.components());
+    forces_ = zero_ = mean_ = forces_of(places_.n, law_.components(), !law_.models().is_empty());
     was_out_.assign(places_.n, 0);
     has_no_zero_.assign(places_.n, 0);
     had_no_zero_.assign(places_.n, 0);
     out_.reserve(places_.n);
     record_.assign(record_size() / sizeof(std::uint64_t), 0);
     if (calibration.nominal) always_ |= TACTILED_UNCALIBRATED;
-    if (data.table("taxel_sd") == nullptr) always_ |= TACTILED_UNKNOWN_UNCERTAINTY;
+    if (law_.models().is_empty() && data.table("taxel_sd") == nullptr) always_ |= TACTILED_UNKNOWN_UNCERTAINTY;
     for (std::size_t i = 0; i < calibration.components.size(); ++i) {
         const std::size_t c = component_index(calibration.components[i]);
         seen_[c] = true;
@@ -104,7 +107,7 @@ Estimate Patch::decouple(const Reading& reading) noexcept {
     array.n_out = 0;
     estimate.reasons = always_;
     out_.clear();
-    if (law_.apply(reading.taxels.value, has_no_zero_, forces_)) array.n_out = find_out(estimate);
+    if (law_.apply(reading, has_no_zero_, forces_, estimate.reasons)) array.n_out = find_out(estimate);
     if (2 * std::size_t(array.n_out) > places_.n) return estimate;
     if (has_lost_zeros_)
         contact_.forget(array);
@@ -245,8 +248,10 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
     return fault.empty() ? std::move(patch) : nullptr;
 }
 
-const MethodEntry entry{
+const MethodEntry linear{
     .model = "patch", .method = "linear", .place = 10, .parameters = kParameters, .tables = kTables, .make = make};
+const MethodEntry models{
+    .model = "patch", .method = "models", .place = 20, .parameters = kParameters, .tables = kTables, .make = make};
 
 }  // namespace
 }  // namespace tactiled

@@ -23,7 +23,10 @@ public:
     // rt: wait-free, linear in the number of taxels
     Estimate decouple(const Reading& reading) noexcept override;
     void forget() noexcept override { law_.forget(); }
-    [[nodiscard]] std::string_view method() const noexcept override { return "linear"; }
+    void set_temperature(const TemperatureInUse& in_use) noexcept override { law_.models().set_temperature(in_use); }
+    [[nodiscard]] std::string_view method() const noexcept override {
+        return law_.models().is_empty() ? "linear" : "models";
+    }
     [[nodiscard]] Patch* patch() noexcept override { return this; }
 
     [[nodiscard]] TaxelShape shape() const noexcept { return law_.shape(); }

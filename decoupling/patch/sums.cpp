@@ -64,7 +64,8 @@ void predict(const TaxelPlaces& places, const TaxelNoise& noise, const TaxelForc
     }
 }
 
-Sums::Sums(const TaxelPlaces& places, const TaxelNoise& noise) : places_(places), noise_(noise), none_(places.n, 0) {
+Sums::Sums(const TaxelPlaces& places, const TaxelNoise& noise, bool is_common)
+    : places_(places), noise_(noise), is_common_(is_common), none_(places.n, 0) {
     for (std::size_t i = 0; i < places.n; ++i) {
         const std::array<double, 3> r{double(places.x[i]), double(places.y[i]), double(places.z[i])};
         std::array<std::array<double, 3>, 3> covariance{};  // covariance of its force, in S
@@ -82,6 +83,22 @@ Sums::Sums(const TaxelPlaces& places, const TaxelNoise& noise) : places_(places)
                 r[a] * r[a] * covariance[b][b] + r[b] * r[b] * covariance[a][a] - 2 * r[a] * r[b] * covariance[a][b];
         }
     }
+    for (double& variance : of_noise_) variance *= is_common ? double(places.n) : 1;  // at most: the sd of all are added
+}
+
+// Sets the variance from the sd that the taxels state.
+void Sums::add_stated(const TaxelForces& forces) noexcept {
+    const std::array<const float*, 3> r{places_.x.data(), places_.y.data(), places_.z.data()};
+    std::array<double, 6> linear{}, squares{};
+    const auto put = [&](std::size_t c, double error) { linear[c] += error, squares[c] += error * error; };
+    for (std::size_t i = 0; i < places_.n; ++i)
+        for (std::size_t c = 0; c < 3; ++c) {
+            const std::size_t a = (c + 1) % 3, b = (c + 2) % 3;
+            const auto sd = [&](std::size_t k) { return forces.sd[k].empty() ? 0 : double(forces.sd[k][i]); };
+            put(c, sd(c));
+            put(3 + c, std::hypot(double(r[a][i]) * sd(b), double(r[b][i]) * sd(a)));
+        }
+    for (std::size_t c = 0; c < 6; ++c) variance_[c] = is_common_ ? linear[c] * linear[c] : squares[c];
 }
 
 void Sums::add(const TaxelForces& forces, const std::vector<TaxelOut>& out) noexcept {
@@ -89,7 +106,9 @@ void Sums::add(const TaxelForces& forces, const std::vector<TaxelOut>& out) noex
     const std::array<const float*, 3> r{places_.x.data(), places_.y.data(), places_.z.data()};
     std::array<const float*, 3> f{};
     variance_ = of_noise_;
-    const double g2 = double(noise_.gain) * double(noise_.gain);
+    const bool is_stated = !forces.sd[2].empty();
+    const double g2 = is_stated ? 0 : double(noise_.gain) * double(noise_.gain);
+    if (is_stated) add_stated(forces);
     for (std::size_t c = 0; c < 3; ++c) {
         f[c] = forces.component[c].empty() ? none_.data() : forces.component[c].data();
         wrench_[c] = sum(n, [a = f[c]](std::size_t i) { return a[i]; });

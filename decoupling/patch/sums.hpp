@@ -4,7 +4,8 @@
 //     var F = n sd^2 + g^2 sum f^2 + ...,    M = sum r x f,    var M likewise with the arms r
 //
 // with the noise sd of a taxel and the sd g of its gain, which are its own; what all taxels of a calibration have in common
-// is in `sd` and `sd_slope` of the calibration.
+// is in `sd` and `sd_slope` of the calibration. Taxels with models state their sd: with a calibration of each, var F is the
+// sum of their variances; with one for all, whose errors may be the same everywhere, sd F is the sum of their sd.
 #pragma once
 #include <array>
 #include <vector>
@@ -36,7 +37,7 @@ void predict(const TaxelPlaces& places, const TaxelNoise& noise, const TaxelForc
 class Sums {
 public:
     // setup
-    Sums(const TaxelPlaces& places, const TaxelNoise& noise);
+    Sums(const TaxelPlaces& places, const TaxelNoise& noise, bool is_common);
     // Sums all forces, which are finite. rt: wait-free
     void add(const TaxelForces& forces, const std::vector<TaxelOut>& out) noexcept;
     [[nodiscard]] const Wrench& wrench() const noexcept { return wrench_; }
@@ -44,8 +45,11 @@ public:
     [[nodiscard]] const Wrench& variance_at_rest() const noexcept { return of_noise_; }
 
 private:
+    void add_stated(const TaxelForces& forces) noexcept;
+
     const TaxelPlaces& places_;
     TaxelNoise noise_;
+    bool is_common_;
     std::vector<float> none_;  // a component that is not measured
     Wrench of_noise_{};        // variance without a load
     Wrench wrench_{}, variance_{};

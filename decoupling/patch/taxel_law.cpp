@@ -18,7 +18,10 @@ void add(float weight, const float* raw, const float* zero, std::size_t n, float
 }
 
 std::string fault_of_sizes(const CalibrationData& data, std::size_t n) {
-    const std::size_t values = data.calibration().channels.size(), rows = data.table("taxel")->size();
+    const NumberRows* const taxel = data.table("taxel");
+    const std::size_t values = data.calibration().channels.size(), rows = taxel != nullptr ? taxel->size() : 1;
+    if ((taxel != nullptr) == !data.calibration().taxel_files.empty())
+        return "it needs table taxel, the force of each value, or taxel_calibration = [\"a file\"], the model of a taxel";
     if (values > kMaxTaxelValues) return fmt::format("{} channels; a taxel has at most {}", values, kMaxTaxelValues);
     if (rows != 1 && rows != 3) return fmt::format("table taxel has {} rows; it needs 1 (fz) or 3 (fx, fy, fz)", rows);
     for (const char* const name : {"zero", "gain"})
@@ -55,6 +58,7 @@ float largest_magnitude(const float* force, std::size_t n) noexcept {
 
 TaxelLaw::TaxelLaw(const CalibrationData& data, const TaxelPlaces& places, std::string& fault)
     : places_(places),
+      models_(data.calibration(), places.n, fault),
       calibrated_frozen_after_(unsigned(data["frozen_after"])),
       frozen_after_(calibrated_frozen_after_),
       full_scale_N_(float((1 + kDomainMargin) * data["taxel_full_scale_N"])) {
@@ -63,9 +67,10 @@ TaxelLaw::TaxelLaw(const CalibrationData& data, const TaxelPlaces& places, std::
     if (fault.empty()) fault = fault_of_sizes(data, n);
     if (!fault.empty()) return;
     shape_ = {std::uint16_t(n), std::uint16_t(values)};
-    const NumberRows& rows = *data.table("taxel");
-    for (const auto& row : rows) matrix_.emplace_back(row.begin(), row.end());
-    components_ = rows.size() == 3 || !places.is_flat() ? 7 : 4;
+    if (const NumberRows* rows = data.table("taxel"))
+        for (const auto& row : *rows) matrix_.emplace_back(row.begin(), row.end());
+    const bool has_shear = matrix_.empty() ? models_.sees_shear() : matrix_.size() == 3;
+    components_ = has_shear || !places.is_flat() ? 7 : 4;
     for (std::size_t v = 0; v < values; ++v) {
         if (const NumberRows* zeros = data.table("zero"))
             zero_.insert(zero_.end(), (*zeros)[v].begin(), (*zeros)[v].end());
@@ -87,9 +92,10 @@ void TaxelLaw::set_counts_per_unit(double counts) noexcept {
     for (auto& row : matrix_)
         for (float& weight : row) weight = float(double(weight) / counts);
     for (float& zero : zero_) zero = float(double(zero) * counts);
+    counts_per_unit_ = counts;
 }
 
-bool TaxelLaw::apply(std::span<const float> raw, std::span<const std::uint8_t> states, TaxelForces& out) noexcept {
+bool TaxelLaw::apply_matrix(std::span<const float> raw, TaxelForces& out) noexcept {
     const std::size_t n = shape_.taxels, first = matrix_.size() == 1 ? 2 : 0;
     auto& force = places_.is_flat() ? out.component : own_;
     float sum = 0;  // is not a number where a force is not one
@@ -101,16 +107,31 @@ bool TaxelLaw::apply(std::span<const float> raw, std::span<const std::uint8_t> s
         for (std::size_t i = 0; i < n; ++i) f[i] *= gain[i];
         sum += zero_or_nan(f, n);
     }
+    if (std::isfinite(sum)) return false;
+    for (std::size_t i = 0; i < n; ++i)
+        for (std::size_t c = 0; c < matrix_.size(); ++c)
+            if (!std::isfinite(force[first + c][i])) out.state[i] |= why_missing(raw, i);
+    return true;
+}
+
+bool TaxelLaw::apply_models(const Reading& reading, TaxelForces& out, std::uint32_t& reasons) noexcept {
+    auto& force = places_.is_flat() ? out.component : own_;
+    reasons |= models_.apply(reading, zero_, counts_per_unit_, force, out);
+    for (std::size_t c = 0; c < 3; ++c)
+        for (std::size_t i = 0; i < force[c].size(); ++i) force[c][i] *= gain_[i], out.sd[c][i] *= gain_[i];
+    return !std::ranges::all_of(out.state, has_force);
+}
+
+bool TaxelLaw::apply(const Reading& reading, std::span<const std::uint8_t> states, TaxelForces& out,
+                     std::uint32_t& reasons) noexcept {
+    const std::size_t n = shape_.taxels;
+    const std::span<const float> raw = reading.taxels.value;
+    auto& force = places_.is_flat() ? out.component : own_;
     std::uint8_t stated = 0;
     for (std::size_t i = 0; i < n; ++i) stated |= out.state[i] = dead_[i] | states[i];
-    const bool has_saturated = find_saturated(raw, out);
-    bool any_out = stated != 0 || has_saturated;
-    if (!std::isfinite(sum)) {
-        any_out = true;
-        for (std::size_t i = 0; i < n; ++i)
-            for (std::size_t c = 0; c < matrix_.size(); ++c)
-                if (!std::isfinite(force[first + c][i])) out.state[i] |= why_missing(raw, i);
-    }
+    bool any_out = stated != 0;
+    if (models_.is_empty() ? apply_matrix(raw, out) : apply_models(reading, out, reasons)) any_out = true;
+    if (find_saturated(raw, out)) any_out = true;
     if (frozen_after_ > 0) {
         count_repeats(raw);
         for (std::size_t i = 0; i < n; ++i) {
@@ -125,8 +146,10 @@ bool TaxelLaw::apply(std::span<const float> raw, std::span<const std::uint8_t> s
     if (!places_.is_flat()) turn(out);
     for (std::size_t i = 0; any_out && i < n; ++i)
         if (!has_force(out.state[i]))
-            for (auto& component : out.component)
-                if (!component.empty()) component[i] = std::numeric_limits<float>::quiet_NaN();
+            for (std::size_t c = 0; c < 3; ++c) {
+                if (!out.component[c].empty()) out.component[c][i] = std::numeric_limits<float>::quiet_NaN();
+                if (!out.sd[c].empty()) out.sd[c][i] = 0;
+            }
     return any_out;
 }
 
@@ -161,12 +184,19 @@ void TaxelLaw::count_repeats(std::span<const float> raw) noexcept {
 }
 
 void TaxelLaw::turn(TaxelForces& out) noexcept {
-    for (std::size_t i = 0; i < shape_.taxels; ++i)
+    for (std::size_t i = 0; i < shape_.taxels; ++i) {
+        std::array<float, 3> variance{};
         for (std::size_t c = 0; c < 3; ++c) {
             float sum = 0;
-            for (std::size_t k = 0; k < 3; ++k) sum += places_.axes[i][k][c] * own_[k][i];
+            for (std::size_t k = 0; k < 3; ++k) {
+                const float a = places_.axes[i][k][c];
+                sum += a * own_[k][i];
+                if (!models_.is_empty()) variance[c] += a * a * out.sd[k][i] * out.sd[k][i];
+            }
             out.component[c][i] = sum;
         }
+        for (std::size_t c = 0; !models_.is_empty() && c < 3; ++c) out.sd[c][i] = std::sqrt(variance[c]);
+    }
 }
 
 }  // namespace tactiled
