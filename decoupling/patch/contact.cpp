@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "decoupling/place.hpp"
+
 namespace tactiled {
 namespace {
 
@@ -23,8 +25,7 @@ void put_none(tactiled_array& array) noexcept {
 Contact::Contact(const TaxelPlaces& places, const TaxelNoise& noise)
     : places_(places),
       noise_(noise),
-      z_(float(std::sqrt(2 * std::log(double(places.n) / kFalse)))),
-      limit_N_(z_ * noise.sd[2]),
+      limit_N_(float(std::sqrt(2 * std::log(double(places.n) / kFalse))) * noise.sd[2]),
       press_(places.n),
       region_(places.n) {
     terms_.reserve(places.n);
@@ -73,7 +74,7 @@ void Contact::find(const TaxelForces& forces, const TaxelForces& zero, const std
     array.area_sd_m2 = places_.taxel_area_m2 * float(boundary_) / std::sqrt(12.f);
     double variance = 0;
     for (const Term& term : terms_) variance += term.variance;
-    if (!(sum_N_ > double(z_) * std::sqrt(variance))) return;  // neighbours that are pulled
+    if (!(sum_N_ > kPlace_sd * std::sqrt(variance))) return;
     put_centre(array);
     put_axis(array);
 }

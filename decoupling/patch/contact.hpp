@@ -3,6 +3,7 @@
 //
 // A taxel is in contact if its press exceeds z sd with z = sqrt(2 ln(n / 0.01)): noise alone then puts one of the n taxels
 // into contact in at most one frame of 100 (tail of the normal distribution, below exp(-z^2 / 2)). Centre and axis are
+// stated if the press of the contact is above kPlace_sd of its sd (place.hpp). They are
 // moments of the press over the taxels in contact and those beside them, which carry the rest of it:
 //
 //     c = sum p r / P,    P = sum p,
@@ -58,7 +59,7 @@ private:
 
     const TaxelPlaces& places_;
     TaxelNoise noise_;
-    float z_, limit_N_;
+    float limit_N_;
     std::vector<float> press_;
     std::vector<std::uint8_t> region_;  // a taxel is outside of the contact, in it, or beside it
     std::vector<Term> terms_;           // one for each taxel of the region
