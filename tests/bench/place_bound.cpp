@@ -15,7 +15,6 @@
 #include <string>
 
 #include "decoupling/fit/fit.hpp"
-#include "decoupling/patch/patch.hpp"
 #include "decoupling/place.hpp"
 #include "decoupling/table/influence_map.hpp"
 #include "pressed_array.hpp"
@@ -115,8 +114,10 @@ void judge_pad(std::size_t channels) {
         const auto w = load.wrench();
         labelled.rows.push_back({i + 2, read(load), {w[0], w[1], w[2], w[3], w[4], kNaN}, 0, std::uint64_t(i) * 10'000'000});
     }
-    const Calibration calibration =
-        fit(labelled, {.model = "generic", .method = "matrix", .channel_unit = "V", .date = "2026-03-01"}).calibration;
+    FitRequest request;
+    request.model = "generic", request.method = "matrix";
+    request.channel_unit = "V", request.date = "2026-03-01";
+    const Calibration calibration = fit(labelled, request).calibration;
     const auto decoupler = make_decoupler(calibration);
     Judged judged{fmt::format("generic/matrix, {} channels", channels)};
     for (int i = 0; i < 20000; ++i) {

@@ -45,6 +45,7 @@ protected:
             frame(t_ns_, -press_N - preload_N, -y_m * press_N - 2e-3 * preload_N, x_m * press_N - 4e-3 * preload_N), t_ns_);
     }
     void tare() {
+        (void)press(0, 0, 0, 1);
         sensor_->begin_tare(t_ns_);
         for (int k = 0; k < 400 && sensor_->poll_tare(t_ns_) == Tare::running; ++k) (void)press(0, 0, 0, 1);
     }
