@@ -216,6 +216,7 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
     fit.sd_slope = file.numbers("sd_slope", kNotNegative, each);
     fit.sd_load = file.numbers("sd_load", kNotNegative, each);
     fit.sd_unloading = file.numbers("sd_unloading", kNotNegative, each);
+    fit.correlation = file.numbers("correlation", {-1, 1}, {2, 2});
     fit.held_out_rms = file.numbers("held_out_rms", kNotNegative, each);
     fit.parity_harmless = file.numbers("parity_harmless", kNotNegative, as_many_as(calibration.channels));
     fit.sd_without = file.rows("sd_without");

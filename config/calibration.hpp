@@ -29,6 +29,8 @@ struct Fit {
     // Per component, N or Nm; empty = 0. Increases the standard deviation to hypot(the above, sd_unloading (peak - load)),
     // with the load as a part of full scale and its peak since the last rest (decoupling/unloading.hpp).
     std::vector<double> sd_unloading;
+    // Correlation of the errors of fz with those of mx and of my, -1 .. 1; empty = they are taken as independent.
+    std::vector<double> correlation;
     // Per component: root mean square error on held-out rows, N or Nm; empty = unknown.
     std::vector<double> held_out_rms;
     // Error with one channel replaced by its prediction (Parity): one row per channel, one column per component, N or Nm;

@@ -59,6 +59,7 @@ public:
         numbers("sd_slope", fit.sd_slope);
         numbers("sd_load", fit.sd_load);
         numbers("sd_unloading", fit.sd_unloading);
+        numbers("correlation", fit.correlation);
         numbers("held_out_rms", fit.held_out_rms);
         if (!fit.sd_without.empty()) rows("sd_without", fit.sd_without);
         numbers("parity_harmless", fit.parity_harmless);

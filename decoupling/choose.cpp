@@ -28,6 +28,7 @@ Calibration fit_for(const Calibration& calibration, const MethodEntry& method) {
         one.sd_slope.clear();
         one.sd_load.clear();
         one.sd_unloading.clear();
+        one.correlation.clear();
         one.sd_without.clear();
         one.parity_harmless.clear();
     }

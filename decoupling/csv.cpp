@@ -177,7 +177,7 @@ ForcesWriter::ForcesWriter(const std::string& path) : name_(path == "-" ? "stand
     // A consumer at the other end of a pipe receives each row immediately and not after 4 kB.
     if (path == "-") std::setvbuf(stdout, nullptr, _IOLBF, 1u << 16);
     put("t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality,cop_x_m,cop_y_m,direction,residual,"
-        "sd_mx_Nm,sd_my_Nm,sd_mz_Nm\n");
+        "sd_mx_Nm,sd_my_Nm,sd_mz_Nm,sd_cop_x_m,sd_cop_y_m\n");
 }
 
 void ForcesWriter::write(double t_s, const Estimate& estimate, std::string_view quality) {
@@ -199,6 +199,7 @@ void ForcesWriter::write(double t_s, const Estimate& estimate, std::string_view 
     add(estimate.direction == 0 ? kNaN : double(estimate.direction));
     add(estimate.residual);
     for (std::size_t c = 3; c < 6; ++c) add(estimate.sd[c]);
+    for (const double sd : estimate.cop_sd_m) add(sd);
     row_.back() = '\n';
     put(row_);
 }

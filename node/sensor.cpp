@@ -13,7 +13,6 @@ void put(const Estimate& e, tactiled_sample& s) noexcept {
     s.reasons = e.reasons;
     s.residual = e.residual;
     s.state |= (e.direction & 31u) << 8;
-    std::copy_n(e.cop_S_m.begin(), 2, s.cop_S_m);
     put_wrench(e.wrench_S, s.raw_force_S_N, s.raw_torque_S_Nm);
     put_wrench(e.sd, s.sd_force_N, s.sd_torque_Nm);
 }
@@ -39,6 +38,8 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns, const T
     s.rate_Hz = stream_.rate_Hz();
     const Estimate e = estimate(frame, taxels, s);
     put(e, s);
+    of_model_ = {e.cop_S_m, e.cop_sd_m};
+    correlation_ = e.correlation;
     s.epoch = epoch();  // set after the estimate, because a channel that froze begins a new epoch
     judge_age(frame.age, s);
     tactiled_put_verdict(&s, e.has_value);
@@ -56,7 +57,10 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns, const T
     put_tared(s);
     judge_magnitude(s);
     follow_rest(s);
-    if (s.quality == TACTILED_BAD) tactiled_invalidate(&s, 0);
+    if (s.quality == TACTILED_BAD) {
+        tactiled_invalidate(&s, 0);
+        cop_sd_m_ = {kNaN, kNaN};
+    }
     last_ = s;
     return s;
 }
@@ -273,8 +277,18 @@ void Sensor::put_tared(tactiled_sample& s) noexcept {
         else
             low_pass_.hold(tared, sd);
         put_wrench(sd, s.sd_force_N, s.sd_torque_Nm);
+        put_place(tared, sd, s);
     }
     put_wrench(tared, s.force_S_N, s.torque_S_Nm);
+}
+
+// The place of the published force. A model that finds a place by itself states that of the raw force; only an array
+// subtracts the zero of a tare from its taxels.
+inline void Sensor::put_place(const Wrench& tared, const Wrench& sd, tactiled_sample& s) noexcept {
+    const bool is_of_model = patch_ != nullptr || (s.tare_count == 0 && std::isfinite(of_model_.cop_S_m[0]));
+    const Place place = is_of_model ? of_model_ : place_of(tared, sd, correlation_);
+    std::copy_n(place.cop_S_m.begin(), 2, s.cop_S_m);
+    cop_sd_m_ = place.sd_m;
 }
 
 // Sets contact, overload and peak from the measured components. Contact and overload do not wait for a confirmation, but
@@ -349,6 +363,7 @@ tactiled_sample Sensor::marker(std::uint64_t now_ns) noexcept {
     s.peak_N = peak_N_;
     has_contact_ = false;
     tactiled_invalidate(&s, stream_.broken());
+    cop_sd_m_ = {kNaN, kNaN};
     last_ = s;
     return s;
 }

@@ -12,6 +12,7 @@
 #include "decoupling/auto_method.hpp"
 #include "decoupling/latency.hpp"
 #include "decoupling/patch/patch.hpp"
+#include "decoupling/place.hpp"
 #include "drivers/clock.hpp"
 #include "drivers/frame.hpp"
 #include "drivers/taxels.hpp"
@@ -160,6 +161,8 @@ public:
     void reset_peak() noexcept { peak_N_ = 0; }
 
     [[nodiscard]] const tactiled_sample& last() const noexcept { return last_; }
+    // Standard deviation of the centre of pressure of the last sample, m; NaN where it has none. rt: wait-free
+    [[nodiscard]] const std::array<double, 2>& cop_sd_m() const noexcept { return cop_sd_m_; }
     // Returns the zeros of the tare in force and their id, for the next start of the daemon. rt: wait-free
     [[nodiscard]] TaredZero tared_zero() const noexcept { return zero_.tared(); }
     [[nodiscard]] std::uint32_t zero_id() const noexcept { return setup_.zero_id; }
@@ -210,6 +213,7 @@ private:
     inline void judge_zero(tactiled_sample& sample) noexcept;
     inline void judge_latency(tactiled_sample& sample) noexcept;
     void put_tared(tactiled_sample& sample) noexcept;
+    inline void put_place(const Wrench& tared, const Wrench& sd, tactiled_sample& sample) noexcept;
     void judge_magnitude(tactiled_sample& sample) noexcept;
     void break_rest() noexcept {
         rest_begins_ = true;
@@ -256,6 +260,8 @@ private:
     double others_temperature_C_ = kNaN;
     float peak_N_ = 0;
     bool has_contact_ = false;  // the last confirmed sample had contact
+    Place of_model_{};          // the place that the model found by itself, in the last sample
+    std::array<double, 2> correlation_{}, cop_sd_m_{kNaN, kNaN};
     tactiled_sample last_{};
     std::uint32_t own_quality_ = TACTILED_BAD;  // quality of the last confirmed sample, before it was compared
     std::uint64_t sequence_ = 0;

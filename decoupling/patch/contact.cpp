@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "decoupling/place.hpp"
+
 namespace tactiled {
 namespace {
 
@@ -77,7 +79,7 @@ void Contact::find(TaxelForces& forces, const TaxelForces& zero, const std::vect
     array.area_sd_m2 = places_.taxel_area_m2 * float(boundary_) / std::sqrt(12.f);
     double variance = 0;
     for (const Term& term : terms_) variance += term.variance;
-    if (!(sum_N_ > double(z_) * std::sqrt(variance))) return;  // neighbours that are pulled
+    if (!(sum_N_ > kPlace_sd * std::sqrt(variance))) return;
     put_centre(array);
     put_axis(array);
 }

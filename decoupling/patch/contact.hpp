@@ -3,6 +3,7 @@
 //
 // A taxel is in contact if its press exceeds z sd with z = sqrt(2 ln(n / 0.01)): noise alone then puts one of the n taxels
 // into contact in at most one frame of 100 (tail of the normal distribution, below exp(-z^2 / 2)). Centre and axis are
+// stated if the press of the contact is above kPlace_sd of its sd (place.hpp), and they are
 // moments of the press over the taxels in contact and those beside them, which carry the rest of it:
 //
 //     c = sum p r / P,    P = sum p,

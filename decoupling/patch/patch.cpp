@@ -115,7 +115,10 @@ Estimate Patch::decouple(const Reading& reading) noexcept {
         contact_.find(forces_, zero_, out_, array);
     put_sums(estimate);
     if ((estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0) forget_unknown_sd();
-    for (std::size_t c = 0; c < 2; ++c) estimate.cop_S_m[c] = double(array.cop_S_m[c]);
+    for (std::size_t c = 0; c < 2; ++c) {
+        estimate.cop_S_m[c] = double(array.cop_S_m[c]);
+        estimate.cop_sd_m[c] = double(array.cop_sd_m[c]);
+    }
     return estimate;
 }
 

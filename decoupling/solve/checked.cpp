@@ -45,6 +45,7 @@ CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, s
         const bool can_be_squared = std::abs(sd_[c]) >= kMinSquared && std::abs(sd_[c]) <= kMaxSquared;
         max_squared_[c] = can_be_squared ? std::min({kMaxFinite, full_scale_[c], kMaxSquared / std::abs(sd_slope_[c])}) : -1;
     }
+    if (!calibration.correlation.empty()) std::copy_n(calibration.correlation.begin(), 2, correlation_.begin());
     std::iota(order_, order_ + 6, std::size_t{0});
     const auto is_seen = [this](std::size_t c) { return seen_[c]; };
     n_seen_ = std::size_t(std::stable_partition(order_, order_ + 6, is_seen) - order_);
@@ -118,7 +119,11 @@ inline void CheckedModel::check_components(const Input& input, Estimate& estimat
     }
     estimate.reasons |= always_ | (outside ? std::uint32_t(TACTILED_OUTSIDE_DOMAIN) : 0u);
     estimate.has_value = true;
-    if ((estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0) return;
+    estimate.correlation = correlation_;
+    if ((estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0) {
+        estimate.cop_sd_m = {kNaN, kNaN};
+        return;
+    }
     if (!can_be_squared) [[unlikely]] {
         for (std::size_t i = 0; i < n_seen_; ++i)
             estimate.sd[order_[i]] = input.sd_factor[order_[i]] * stated_sd(order_[i], wrench);

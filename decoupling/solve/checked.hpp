@@ -72,6 +72,7 @@ private:
     // component and sd_load x load neither underflow nor overflow: the square root of their sum is then as good as
     // hypot(), which takes several times as long.
     double max_squared_[6]{};
+    std::array<double, 2> correlation_{};
     std::array<bool, 6> seen_{};
     std::size_t n_seen_, order_[6];  // the measured components, n_seen_ of them, then the others
     Domain domain_;

@@ -82,9 +82,12 @@ inline std::string fault_of_shared_parts(const Calibration& calibration) {
         return fmt::format("sd_slope has {} numbers for {} components", calibration.sd_slope.size(), rows);
     if (!calibration.sd_load.empty() && calibration.sd_load.size() != rows)
         return fmt::format("sd_load has {} numbers for {} components", calibration.sd_load.size(), rows);
-    for (const auto* numbers :
-         {&calibration.zero, &calibration.channel_least, &calibration.channel_most, &calibration.sd, &calibration.sd_slope,
-          &calibration.sd_load, &calibration.full_scale, &calibration.held_out_rms, &calibration.zero_drift})
+    if (!calibration.correlation.empty() && calibration.correlation.size() != 2)
+        return fmt::format("correlation has {} numbers, and needs 2: of fz with mx, and with my",
+                           calibration.correlation.size());
+    for (const auto* numbers : {&calibration.zero, &calibration.correlation, &calibration.channel_least,
+                                &calibration.channel_most, &calibration.sd, &calibration.sd_slope, &calibration.sd_load,
+                                &calibration.full_scale, &calibration.held_out_rms, &calibration.zero_drift})
         if (!all_finite(*numbers)) return "a number is not finite";
     for (const auto& row : calibration.matrix)
         if (!all_finite(row)) return "a number of matrix is not finite";

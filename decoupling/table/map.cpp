@@ -12,6 +12,7 @@
 #include <cmath>
 #include <optional>
 
+#include "decoupling/place.hpp"
 #include "decoupling/solve/checked.hpp"
 #include "decoupling/solve/consistency.hpp"
 #include "decoupling/table/gauge_solver.hpp"
@@ -24,7 +25,7 @@ namespace {
 
 constexpr double kRest = 3;  // no contact: the readings are within 3 sigma of noise, root mean square
 constexpr double kPoor = 3;  // a point with a larger residual is rejected
-constexpr double kDefaultLocate = 5;
+constexpr double kDefaultLocate = kPlace_sd;
 // Limit of shear over press; skin and rubber on a smooth surface reach 1 to 1.5. A wrong minimum beside a column has
 // a small press or a pull and exceeds this limit.
 constexpr double kDefaultFriction = 1.5;
@@ -109,6 +110,10 @@ private:
         estimate.wrench_S = {f.x(), f.y(), f.z(), contact.point_m.y() * f.z(), -contact.point_m.x() * f.z(), kNaN};
         estimate.cop_S_m = {contact.point_m.x(), contact.point_m.y()};
         for (std::size_t c = 0; c < 5; ++c) add_sd(input, estimate, c, contact.sd[c]);
+        // The calibration states the errors of the moments, of which the point's are a part.
+        for (std::size_t i = 0; i < 2; ++i)
+            estimate.cop_sd_m[i] =
+                std::hypot(contact.point_sd_m[i], seen()[4 - i] ? stated_sd(4 - i, estimate.wrench_S) / f.z() : 0);
     }
 
     void forget() noexcept override { lose_point(); }

@@ -155,6 +155,8 @@ void PointSolver::sds(const Gauges& y, std::uint32_t usable, double variance, Po
     contact.sd[3] = sigma * (f.z() * inverse.row(4) + p.y() * inverse.row(2)).norm();
     contact.sd[4] = sigma * (f.z() * inverse.row(3) + p.x() * inverse.row(2)).norm();
 
+    for (int i = 0; i < 2; ++i) contact.point_sd_m[std::size_t(i)] = sigma * inverse.row(3 + i).norm();
+
     // The longer axis of the point's covariance.
     const double xx = inverse.row(3).squaredNorm(), yy = inverse.row(4).squaredNorm(),
                  xy = inverse.row(3).dot(inverse.row(4));

@@ -21,6 +21,7 @@ struct PointContact {
     double damping = 1e-4;   // damping of the next step
     // One standard deviation: force (N), moments mx my (Nm). Filled by deviations().
     std::array<double, 5> sd{};
+    std::array<double, 2> point_sd_m{};
     double force_sd_N = 0;  // one sd of the force's vector, from the slope alone
     // the direction in which the gauges determine the point worst, from the slope alone
     Eigen::Vector2d worst = Eigen::Vector2d::Zero();

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <deque>
 #include <memory>
@@ -62,7 +63,10 @@ std::string difference(const tactiled_sample& was, const tactiled_sample& is, bo
     if (from_the_start && !zero_lost && was.tare_count == 0 &&  // the age of a tare is not in the file
         (!same(was.sd_force_N, is.sd_force_N, 3) || !same(was.sd_torque_Nm, is.sd_torque_Nm, 3)))
         return "sd";
-    if (!same(was.cop_S_m, is.cop_S_m, 2)) return "cop_S_m";
+    // The place is that of the tared force where its sd allows one. A recording of a daemon before layout 1.9 has none.
+    if (from_the_start && !raw_only && !zero_lost && was.tare_count == 0 && !std::isnan(was.cop_S_m[0]) &&
+        !same(was.cop_S_m, is.cop_S_m, 2))
+        return "cop_S_m";
     if (!same(&was.residual, &is.residual, 1)) return "residual";
     if (was.device_sequence != is.device_sequence || TACTILED_DIRECTION(was.state) != TACTILED_DIRECTION(is.state))
         return "device_sequence or direction";

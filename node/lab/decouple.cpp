@@ -13,6 +13,7 @@
 #include "config/calibration.hpp"
 #include "decoupling/csv.hpp"
 #include "decoupling/decoupler.hpp"
+#include "decoupling/place.hpp"
 #include "node/ctl/command_line.hpp"
 
 namespace tactiled::ctl {
@@ -61,6 +62,12 @@ public:
         }
         end();
         for (std::size_t c = 0; c < zero_S_.size(); ++c) estimate.wrench_S[c] -= zero_S_[c];
+        // The same choice is made in Sensor::put_place().
+        if (duration_s_ > 0 || !std::isfinite(estimate.cop_S_m[0])) {
+            const Place place = place_of(estimate.wrench_S, estimate.sd, estimate.correlation);
+            estimate.cop_S_m = place.cop_S_m;
+            estimate.cop_sd_m = place.sd_m;
+        }
         forces_.write(t_s, estimate, quality_text(estimate.quality(), estimate.reasons));
     }
 

@@ -135,6 +135,7 @@ _SAMPLE = _Struct(
     "sequence:Q t_ns:Q t_published_ns:Q epoch:I quality:I reasons:I device_sequence:I missing:I saturated:I "
     "tare_count:I lost:I force_S_N:3d torque_S_Nm:3d sd_force_N:3d sd_torque_Nm:3d raw_force_S_N:3d raw_torque_S_Nm:3d "
     "cop_S_m:2d residual:d rate_Hz:f temperature_C:f state:I peak_N:f")
+_PLACED = _Struct(f"sample:{_SAMPLE.size}s cop_sd_m:2f")
 _ARRAY = _Struct(
     f"sample:{_SAMPLE.size}s n_out:I n_contact:I peak_taxel:I peak_N:f peak_sd_N:f cop_S_m:3f cop_sd_m:3f area_m2:f area_sd_m2:f "
     "axis_rad:f axis_sd_rad:f -:4x")
@@ -161,8 +162,8 @@ Tool = collections.namedtuple("Tool", _TOOL.names)  # sensor n: sensor_force_G_N
 Command = collections.namedtuple("Command", "acknowledged state result")
 
 
-class Sample(collections.namedtuple("Sample", _SAMPLE.names)):
-    """One sample of one sensor: the fields of struct tactiled_sample, with arrays as tuples. Immutable."""
+class Sample(collections.namedtuple("Sample", [*_SAMPLE.names, "cop_sd_m"])):
+    """One sample of one sensor: the fields of struct tactiled_sample and cop_sd_m, with arrays as tuples. Immutable."""
     __slots__ = ()
 
     @property
@@ -199,10 +200,22 @@ def _array(record, sample, n_taxels, n_components):
     return Array(sample, *head[1:], force, state)
 
 
-_NOTHING = Sample._make(_SAMPLE.values(bytes(_SAMPLE.size)))
 _NAN3 = (math.nan,) * 3
+
+
+_COP_SD = struct.Struct("=2f")
+_COP_SD_OF_ARRAY = _SAMPLE.size + struct.calcsize("=3I2f3f")
+
+
+def _sample(record, cop_sd_at=_SAMPLE.size):
+    """The Sample at the begin of a record. A record of a daemon before layout 1.9 ends with it."""
+    has_sd = len(record) >= cop_sd_at + _COP_SD.size
+    return Sample._make((*_SAMPLE.values(record), _COP_SD.unpack_from(record, cop_sd_at) if has_sd else _NAN3[:2]))
+
+
+_NOTHING = _sample(bytes(_SAMPLE.size))
 _NO_FORCE = {**{name: _NAN3 for name in _SAMPLE.names if "force" in name or "torque" in name},
-             "cop_S_m": _NAN3[:2], "residual": math.nan, "quality": BAD, "state": 0}
+             "cop_S_m": _NAN3[:2], "cop_sd_m": _NAN3[:2], "residual": math.nan, "quality": BAD, "state": 0}
 
 
 def _invalidated(sample, reason):
@@ -437,7 +450,7 @@ class _Segment:
         self.arrays = {}  # name -> _Ring, for the sensors with taxels
         for i in range(h.n_sensors):
             info = self._entry(i)
-            ring = _Ring(self, info.ring, _SAMPLE.size)
+            ring = _Ring(self, info.ring, _PLACED.size if info.ring[3] >= _PLACED.size else _SAMPLE.size)
             if not ring.fits(size):
                 raise self._error("a sensor's ring lies outside")
             self.sensors[info.name] = info, ring
@@ -605,7 +618,7 @@ class Node(_Attached):
         if sensor not in segment.arrays:
             raise Error(f'node "{self.name}": the sensor "{sensor}" has no taxels')
         info, ring = segment.sensors[sensor][0], segment.arrays[sensor]
-        record, sample = self._newest(segment, info, ring)
+        record, sample = self._newest(segment, info, ring, _COP_SD_OF_ARRAY)
         n_components = bin(info.taxel_components).count("1")
         return _array(record or bytes(ring.size), sample, info.n_taxels, n_components)
 
@@ -615,14 +628,14 @@ class Node(_Attached):
         data = self._segment.read(info.taxel_place_offset, 24 * info.n_taxels)
         return list(struct.iter_unpack("=6f", data))
 
-    def _newest(self, segment, info, ring):
+    def _newest(self, segment, info, ring, cop_sd_at=_SAMPLE.size):
         """Returns the newest record, None if there is none, and the sample that it begins with, judged."""
         for _ in range(2):  # twice for the reason in is_beating()
             record = ring.latest()
             if record is None:
                 return None, _invalidated(_NOTHING, READER_OVERRUN if ring.head() else NO_DATA_YET)
             now_ns = time.monotonic_ns()
-            sample = _judged(Sample._make(_SAMPLE.values(record)), info.stale_ms, now_ns)
+            sample = _judged(_sample(record, cop_sd_at), info.stale_ms, now_ns)
             if not sample.reasons & STALE:
                 break
         if not (segment.is_current() and segment.is_alive(sample.t_published_ns, now_ns)):
@@ -648,7 +661,7 @@ class Node(_Attached):
                 record = ring.read(count - 1)
                 if record is None:
                     break
-                samples[name] = Sample._make(_SAMPLE.values(record))
+                samples[name] = _sample(record)
             taken_ns = time.monotonic_ns()
             # The process was interrupted between reading and judging: the copy may be old, so it is read
             # again.
@@ -785,7 +798,7 @@ class Follower(_Attached):
             record = self._next_record(ring)
             if record is not None:
                 now_ns = time.monotonic_ns()
-                self._last = _judged(Sample._make(_SAMPLE.values(record)), info.stale_ms, now_ns)
+                self._last = _judged(_sample(record), info.stale_ms, now_ns)
                 self._broken = False
                 if not self._segment.is_alive(self._last.t_published_ns, now_ns):
                     self._last = _invalidated(self._last, STALE)  # one sample reports the stop, after the samples

@@ -81,7 +81,7 @@ std::size_t arrays_size_of(const SegmentPlan& plan) {
 // Returns the size without arrays and the rings of frames.
 std::size_t size_of(const SegmentPlan& plan, std::uint32_t history) {
     const std::size_t sensors = plan.sensors.size();
-    const std::size_t slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_sample));
+    const std::size_t slot = aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_placed));
     const std::size_t node_slot = aligned(TACTILED_RECORD_OFFSET + node_size_of(plan));
     return sizeof(tactiled_header) + aligned(sizeof(tactiled_sensor) * sensors) + sizeof(tactiled_link) * plan.links.size() +
            aligned(4 * TACTILED_LATENESS_BUCKETS) + kAlign * (sensors + 1) + node_slot * node_records_of(plan) +
@@ -256,7 +256,7 @@ void SegmentWriter::lay_out(const SegmentPlan& plan, std::uint32_t epoch) {
     auto* sensors = reinterpret_cast<tactiled_sensor*>(base_ + h.sensor_offset);
     for (std::size_t i = 0; i < plan.sensors.size(); ++i) {
         sensors[i] = plan.sensors[i];
-        sensors[i].ring = ring(sizeof(tactiled_sample), history_of(plan));
+        sensors[i].ring = ring(sizeof(tactiled_placed), history_of(plan));
         sensors[i].age_bound_us = TACTILED_AGE_UNBOUNDED;
         if (sensors[i].n_taxels == 0) continue;
         sensors[i].arrays = ring(tactiled_array_size(sensors[i].n_taxels, sensors[i].taxel_components), plan.array_history);
@@ -276,9 +276,9 @@ void SegmentWriter::set_state(tactiled_state state) noexcept {
     __atomic_store_n(&header().state, std::uint32_t(state), __ATOMIC_RELEASE);
 }
 
-void SegmentWriter::publish(std::uint32_t index, const tactiled_sample& sample) noexcept {
+void SegmentWriter::publish(std::uint32_t index, const tactiled_placed& placed) noexcept {
     const auto& sensor = reinterpret_cast<const tactiled_sensor*>(base_ + header().sensor_offset)[index];
-    publish_record(base_, sensor.ring, sample.sequence, &sample, sizeof sample);
+    publish_record(base_, sensor.ring, placed.sample.sequence, &placed, sizeof placed);
 }
 
 void SegmentWriter::publish_array(std::uint32_t index, std::uint64_t sequence, const void* record) noexcept {

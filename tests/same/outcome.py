@@ -65,6 +65,7 @@ def compare_csv(outcome, base, new, name):
         outcome.add(cells)
         return
     rows_base, rows_new = list(csv.reader(text_base.splitlines())), list(csv.reader(text_new.splitlines()))
+    rows_new = [row[:len(rows_base[0])] for row in rows_new]  # columns may have been appended
     if len(rows_base) != len(rows_new) or rows_base[0] != rows_new[0]:
         outcome.add(cells, abs(len(rows_base) - len(rows_new)) * len(rows_base[0]) or len(rows_base[0]), math.inf,
                     f"{name}: {len(rows_base)} rows {rows_base[0]} | {len(rows_new)} rows {rows_new[0]}")
@@ -75,7 +76,7 @@ def compare_csv(outcome, base, new, name):
     scale = {group: sorted(values)[len(values) * 99 // 100] for group, values in scale.items() if values}
     for line, (row, other) in enumerate(zip(rows_base, rows_new), 1):
         for column, a, b in zip(rows_base[0], row, other):
-            if a == b:
+            if a == b or (not a and column.startswith("cop_")):  # a place that the base did not state
                 outcome.add(1)
                 continue
             x, y = number(a), number(b)

@@ -227,13 +227,20 @@ struct tactiled_sample {
     TACTILED_ALIGN(8) double sd_torque_Nm[3];
     TACTILED_ALIGN(8) double raw_force_S_N[3]; /* before tare, with the zero of the calibration */
     TACTILED_ALIGN(8) double raw_torque_S_Nm[3];
-    TACTILED_ALIGN(8) double cop_S_m[2]; /* centre of pressure */
+    TACTILED_ALIGN(8) double cop_S_m[2]; /* centre of pressure; NaN if the press is below 5 sd or a moment is not measured */
     /* residual of the model, in standard deviations of the channels; NaN if the model has none */
     TACTILED_ALIGN(8) double residual;
     TACTILED_ALIGN(8) float rate_Hz; /* measured over about the last second */
     float temperature_C;
     uint32_t state; /* enum tactiled_sensor_state */
     float peak_N;   /* largest magnitude of the known components of force_S_N since the start or the last reset */
+};
+
+/* The record of a sensor's ring: a sample, and what was appended since. Since 1.9; the record of an older daemon ends with
+ * the sample. */
+struct tactiled_placed {
+    struct tactiled_sample sample;
+    float cop_sd_m[2]; /* one standard deviation of cop_S_m; NaN = not known */
 };
 
 /* State of the force in a sample of any quality: bits of tactiled_sample.state. All bits are 0 in a BAD sample. */
@@ -689,6 +696,7 @@ static inline uint32_t tactiled_lateness_bucket(uint64_t ns) {
 }
 
 TACTILED_ASSERT(sizeof(struct tactiled_sample) == 240);
+TACTILED_ASSERT(sizeof(struct tactiled_placed) == 248);
 TACTILED_ASSERT(sizeof(struct tactiled_grasp) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_tool) == 976);
 TACTILED_ASSERT(sizeof(struct tactiled_node) == 1440);

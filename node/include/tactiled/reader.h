@@ -350,17 +350,15 @@ static inline void tactiled_no_sensor(const struct tactiled_segment* segment, co
                        tactiled_sensor_of(segment, i)->name);
 }
 
-/* Copies the newest sample of a sensor, judged after the copy, or at `now_ns` if that is later: BAD if it is older than
- * stale_ms, if the daemon has ended, or if the daemon has published nothing for watchdog_ms. Returns 0 and a BAD sample if
- * there is none. */
-static inline int tactiled_latest(const struct tactiled_segment* segment, uint32_t index, struct tactiled_sample* sample,
-                                  uint64_t now_ns) {
+/* Part of the two functions below: `size` bytes of the record, which begins with the sample. */
+static inline int tactiled_latest_(const struct tactiled_segment* segment, uint32_t index, struct tactiled_sample* sample,
+                                   uint32_t size, uint64_t now_ns) {
     const struct tactiled_ring* ring = &segment->ring[index];
     uint64_t judged_ns = 0;
     int tries, is_fresh = 0;
     for (tries = 0; tries < 2 && !is_fresh; ++tries) { /* twice, as in tactiled_is_beating() */
-        if (!tactiled_ring_latest(segment->base, ring, sample, sizeof *sample)) {
-            memset(sample, 0, sizeof *sample);
+        if (!tactiled_ring_latest(segment->base, ring, sample, size)) {
+            memset(sample, 0, size);
             tactiled_invalidate(
                 sample, tactiled_ring_head(segment->base, ring) == 0 ? TACTILED_NO_DATA_YET : TACTILED_READER_OVERRUN);
             return 0;
@@ -372,6 +370,23 @@ static inline int tactiled_latest(const struct tactiled_segment* segment, uint32
     if (!tactiled_is_current(segment) || !tactiled_is_alive(segment, sample->t_published_ns, judged_ns))
         tactiled_invalidate(sample, TACTILED_DAEMON_STOPPED);
     return 1;
+}
+
+/* Copies the newest sample of a sensor, judged after the copy, or at `now_ns` if that is later: BAD if it is older than
+ * stale_ms, if the daemon has ended, or if the daemon has published nothing for watchdog_ms. Returns 0 and a BAD sample if
+ * there is none. */
+static inline int tactiled_latest(const struct tactiled_segment* segment, uint32_t index, struct tactiled_sample* sample,
+                                  uint64_t now_ns) {
+    return tactiled_latest_(segment, index, sample, sizeof *sample, now_ns);
+}
+/* Does the same, with the standard deviation of the centre of pressure. */
+static inline int tactiled_latest_placed(const struct tactiled_segment* segment, uint32_t index,
+                                         struct tactiled_placed* placed, uint64_t now_ns) {
+    struct tactiled_sample* const sample = (struct tactiled_sample*)(void*)placed;
+    const int is_read = tactiled_latest_(segment, index, sample, sizeof *placed, now_ns);
+    if (placed->sample.quality == TACTILED_BAD || segment->ring[index].record_size < sizeof *placed)
+        placed->cop_sd_m[0] = placed->cop_sd_m[1] = __builtin_nanf("");
+    return is_read;
 }
 
 /* ---- Arrays. `array` has tactiled_array_size() bytes, at least those of segment->array[index]; see struct

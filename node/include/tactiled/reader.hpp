@@ -126,6 +126,9 @@ public:
 
     // Copies the newest sample of a sensor, judged after the copy, or at `now_ns` if that is later. Returns false and a BAD
     // sample if there is none.
+    bool latest(std::uint32_t index, tactiled_placed& placed, std::uint64_t now_ns = 0) const noexcept {
+        return tactiled_latest_placed(c_, index, &placed, now_ns) != 0;
+    }
     bool latest(std::uint32_t index, tactiled_sample& sample, std::uint64_t now_ns = 0) const noexcept {
         return tactiled_latest(c_, index, &sample, now_ns) != 0;
     }

@@ -129,18 +129,20 @@ TEST(Csv, WritesForcesThatReadBackToTheLastBit) {
     estimate.wrench_S = {0.1 + 0.2, kNaN, -1.0 / 3, kNaN, kNaN, kNaN};
     estimate.sd = {1e-300, kNaN, 5, 0.25, kNaN, 0.5};
     estimate.residual = 1.5;
+    estimate.cop_S_m = {0.004, kNaN};
+    estimate.cop_sd_m = {0.001, kNaN};
     {
         ForcesWriter forces(file.path());
         forces.write(0.01, estimate, "uncertain:saturated,disagreement");
         forces.write(0.02, Estimate{}, "bad:missing-channel");
         forces.close();
     }
-    EXPECT_EQ(
-        text_of(file.path()),
-        "t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality,cop_x_m,cop_y_m,direction,residual,"
-        "sd_mx_Nm,sd_my_Nm,sd_mz_Nm\n"
-        "0.01,0.30000000000000004,,-0.3333333333333333,,,,1e-300,,5,\"uncertain:saturated,disagreement\",,,,1.5,0.25,,0.5\n"
-        "0.02,,,,,,,,,,bad:missing-channel,,,,,,,\n");
+    EXPECT_EQ(text_of(file.path()),
+              "t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality,cop_x_m,cop_y_m,direction,residual,"
+              "sd_mx_Nm,sd_my_Nm,sd_mz_Nm,sd_cop_x_m,sd_cop_y_m\n"
+              "0.01,0.30000000000000004,,-0.3333333333333333,,,,1e-300,,5,\"uncertain:saturated,disagreement\",0.004,,,1.5,"
+              "0.25,,0.5,0.001,\n"
+              "0.02,,,,,,,,,,bad:missing-channel,,,,,,,,,\n");
     CsvReader csv(file.path());
     ASSERT_TRUE(csv.next());
     EXPECT_EQ(csv.number(1), 0.1 + 0.2);

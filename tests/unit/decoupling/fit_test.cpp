@@ -50,6 +50,32 @@ bool warns(const FitReport& report, const std::string& what) {
     return false;
 }
 
+// Noise of the first channel is an error of fz and of my.
+TEST(Fit, StatesTheCorrelationOfForceAndMoments) {
+    auto labelled = random_rows(2000, 2, [](const std::vector<double>& r) {
+        Wrench wrench = kUnseen;
+        wrench[2] = r[0];
+        wrench[4] = 3 * r[0] - 4 * r[1];
+        return wrench;
+    });
+    std::mt19937_64 random(2);
+    std::normal_distribution<double> noise(0, 0.01);
+    for (LabelledRow& row : labelled.rows)
+        for (double& channel : row.channel) channel += noise(random);
+    Calibration calibration = fit(labelled, generic()).calibration;
+    ASSERT_EQ(calibration.correlation.size(), 2u);
+    EXPECT_EQ(calibration.correlation[0], 0);
+    EXPECT_NEAR(calibration.correlation[1], 0.6, 0.05);
+    const std::vector<double> channel{0.5, 0.5};
+    EXPECT_EQ(make_decoupler(calibration)->decouple({.channel = channel}).correlation[1], calibration.correlation[1]);
+    Problems problems;
+    EXPECT_EQ(parse_calibration(calibration_text(calibration), "c.toml", problems).correlation, calibration.correlation);
+    calibration.correlation = {1};
+    DecouplerFault fault;
+    EXPECT_EQ(make_decoupler(calibration, "", 0, fault), nullptr);
+    EXPECT_NE(fault.text.find("correlation has 1 numbers"), std::string::npos) << fault.text;
+}
+
 // Offsets of 1e6 on channels of width 1 and gains of 1e-3 .. 1e3: the raw normal equations lose all digits here.
 TEST(Fit, RecoversAKnownMatrixToRounding) {
     const double m[3][4] = {{1e3, -2, 0.5e-3, 7}, {0.25, 3e-3, 400, -1}, {-5, 6, 7, 8}};

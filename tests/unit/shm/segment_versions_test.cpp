@@ -60,6 +60,33 @@ TEST_F(SegmentVersions, AReaderOf11KnowsNoGraspOfADaemonOf10) {
     EXPECT_EQ(node.grasp.slip_state[0], TACTILED_SLIP_UNKNOWN);
 }
 
+TEST_F(SegmentVersions, ThePlaceOfASampleHasAnSdAndNoneFromAnOlderDaemon) {
+    const auto writer = alive();
+    tactiled_placed placed{};
+    placed.sample.t_ns = placed.sample.t_published_ns = monotonic_ns();
+    placed.sample.quality = TACTILED_GOOD;
+    placed.sample.cop_S_m[0] = 0.003;
+    placed.cop_sd_m[0] = 1e-4f;
+    writer->publish(0, placed);
+    tactiled_placed seen{};
+    ASSERT_TRUE(Segment::open(name_).latest(0, seen));
+    EXPECT_EQ(seen.sample.cop_S_m[0], 0.003);
+    EXPECT_EQ(seen.cop_sd_m[0], 1e-4f);
+    ASSERT_TRUE(Segment::open(name_).latest(0, seen, monotonic_ns() + 200'000'000));
+    EXPECT_EQ(seen.sample.quality, unsigned(TACTILED_BAD));
+    EXPECT_TRUE(std::isnan(seen.cop_sd_m[0]) && std::isnan(seen.cop_sd_m[1]));
+
+    const int fd = ::open(path_.c_str(), O_RDWR);
+    const std::uint32_t size = sizeof(tactiled_sample);
+    const auto at = off_t(Segment::open(name_).header().sensor_offset + offsetof(tactiled_sensor, ring) +
+                          offsetof(tactiled_ring, record_size));
+    ASSERT_EQ(::pwrite(fd, &size, sizeof size, at), ssize_t(sizeof size));
+    ::close(fd);
+    ASSERT_TRUE(Segment::open(name_).latest(0, seen));
+    EXPECT_EQ(seen.sample.cop_S_m[0], 0.003);
+    EXPECT_TRUE(std::isnan(seen.cop_sd_m[0]));
+}
+
 TEST_F(SegmentVersions, AGraspIsReadAsItWasWritten) {
     const auto writer = alive();
     publish(*writer);
