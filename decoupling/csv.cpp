@@ -9,13 +9,16 @@
 #include <cmath>
 #include <cstring>
 #include <iterator>
+#include <set>
 #include <stdexcept>
+
+#include "drivers/taxels.hpp"
 
 namespace tactiled {
 namespace {
 
 constexpr std::size_t kLongestLine_bytes = 1u << 20;
-constexpr std::size_t kMaxColumns = 4096;
+constexpr std::size_t kMaxColumns = kMaxTaxels * kMaxTaxelValues + 16;  // an array with its labels
 
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
@@ -78,15 +81,14 @@ CsvReader::CsvReader(const std::string& path) : name_(path == "-" ? "standard in
     if (columns_.size() == 1 && columns_[0].find(' ') != std::string::npos)
         refuse("columns are separated by blanks here; separate them by ','");
     if (columns_.size() > kMaxColumns) refuse(fmt::format("{} columns; at most {}", columns_.size(), kMaxColumns));
+    std::set<std::string_view> names;
     for (std::size_t k = 0; k < columns_.size(); ++k) {
         if (columns_[k].empty())
             refuse(fmt::format("column {} has no name{}", k + 1, k == 0 ? "; is it a row number? Delete it" : ""));
         if (parse(columns_[k]))
             refuse(fmt::format("column {} is named \"{}\"; the first line names the columns: t_s,R1,R3,...", k + 1,
                                shown(columns_[k])));
-        if (std::find(columns_.begin(), columns_.begin() + std::ptrdiff_t(k), columns_[k]) !=
-            columns_.begin() + std::ptrdiff_t(k))
-            refuse(fmt::format("column \"{}\" is there twice", shown(columns_[k])));
+        if (!names.insert(columns_[k]).second) refuse(fmt::format("column \"{}\" is there twice", shown(columns_[k])));
     }
 }
 

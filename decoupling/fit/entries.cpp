@@ -15,10 +15,16 @@ const FitEntry* find_fit(std::string_view model, std::string_view method) {
     return found.empty() ? nullptr : found.front();
 }
 
+const FitEntry* find_array_fit(std::string_view model) {
+    const auto found = Fits::all([&](const FitEntry& e) { return e.model == model && e.array != nullptr; });
+    return found.empty() ? nullptr : found.front();
+}
+
 std::vector<const FitEntry*> fits_of(std::string_view model) {
     std::vector<const FitEntry*> fits;
     for (const MethodEntry* method : methods_of(model))
-        if (const FitEntry* entry = find_fit(model, method->method); entry != nullptr) fits.push_back(entry);
+        if (const FitEntry* entry = find_fit(model, method->method); entry != nullptr && entry->fit != nullptr)
+            fits.push_back(entry);
     return fits;
 }
 

@@ -123,6 +123,9 @@ struct FitOption {
     void (*put)(const std::string& value, Fit& start) = nullptr;
 };
 
+struct ArrayRequest;
+struct ArrayReport;
+
 // One fit, at the end of its own file. The list works as that of the methods (decoupling/method.hpp).
 // The channels that a fit knows by their names.
 struct KnownChannels {
@@ -142,12 +145,16 @@ struct FitEntry {
     bool must_gain = false;         // refused if the held-out error is not lower than that of `adds_to`
     bool takes_zero_drift = false;  // repeating rows with random zeros gives the best fit for such zeros
     FitOption option = {};
+    // In place of `fit`: calibrates an array from its own kind of recording (array_fit.hpp).
+    ArrayReport (*array)(const ArrayRequest& request) = nullptr;
     Registry<FitEntry> in_list{this};
 };
 
 // Returns the fit of that name, nullptr if there is none. setup
 const FitEntry* find_fit(std::string_view model, std::string_view method);
-// Returns the fits of one model in the order of its methods; the first is the default. all_fits(): of all models,
+// Returns the fit of an array of that model, nullptr if it is no array. setup
+const FitEntry* find_array_fit(std::string_view model);
+// Returns the fits of one model, if it has channels, in the order of its methods; the first is the default. all_fits(): of all models,
 // these in alphabetical order. setup
 std::vector<const FitEntry*> fits_of(std::string_view model);
 std::vector<const FitEntry*> all_fits();

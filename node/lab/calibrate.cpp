@@ -18,6 +18,7 @@
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/method.hpp"
 #include "node/ctl/command_line.hpp"
+#include "node/lab/calibrate_array.hpp"
 #include "node/lab/report/report.hpp"
 
 namespace tactiled::ctl {
@@ -27,6 +28,7 @@ struct Settings {
     std::string in, out, report;
     Selection selection;
     FitRequest request;
+    ArraySettings array;
     std::vector<std::string> set;              // "area_m2=3e-5"
     std::map<std::string, std::string> start;  // options of the fits
     std::optional<double> forget;
@@ -189,13 +191,18 @@ void check_outputs(const Settings& settings) {
     check("--out", settings.out, settings.in);
     if (std::error_code ignored; !settings.force && fs::is_regular_file(settings.out, ignored))
         throw SetupError(fmt::format("--out {}: exists already; --force replaces it", in_quotes(settings.out)));
-    if (settings.report.empty()) return;
-    check("--report", settings.report, settings.in);
-    check("--report", settings.report, settings.out);
+    for (const auto& [option, path] : {std::pair{"--report", settings.report}, std::pair{"--map", settings.array.map}}) {
+        if (path.empty()) continue;
+        check(option, path, settings.in);
+        check(option, path, settings.out);
+    }
 }
 
 int calibrate(Settings settings) {
     check_outputs(settings);
+    const FitEntry* const of_array = find_array_fit(settings.request.model);
+    if (settings.request.channel_unit.empty() && of_array != nullptr)
+        settings.request.channel_unit = of_array->channels.unit;
     if (settings.request.channel_unit.empty()) {
         const auto fits = fits_of(settings.request.model);
         settings.request.channel_unit = fits.empty() ? "unknown" : fits.front()->channels.unit;
@@ -219,6 +226,13 @@ int calibrate(Settings settings) {
         request.zero_drift = drift->second;
         request.parameters.erase(drift);
     }
+    if (of_array != nullptr) {
+        if (!settings.report.empty()) throw SetupError("--report: an array has --map FILE, a CSV with a row for each taxel");
+        calibrate_array(*of_array, request, settings.array, settings.in, settings.out, settings.json);
+        return kGood;
+    }
+    if (!settings.array.geometry.empty() || !settings.array.map.empty())
+        throw SetupError(fmt::format("--geometry and --map are for arrays; model \"{}\" is none", request.model));
     if (settings.forget) request.parameters["forget"] = *settings.forget;
     for (const auto& [name, value] : settings.start)
         if (!value.empty()) put_fit_option(name, value, request);
@@ -250,7 +264,9 @@ Run add_calibrate(Command verb) {
         if (entry->option.name != nullptr)
             verb.add_option(fmt::format("--{}", entry->option.name), settings->start[entry->option.name],
                             entry->option.help);
-    verb.add_option("--in", settings->in, "labelled.csv: t_s, channels, fx_N .. mz_Nm, session; - is standard input")
+    verb.add_option("--in", settings->in,
+                    "labelled.csv: t_s, channels, fx_N .. mz_Nm, session; array: Z0, Z1 ..., fz_N, press; - is standard "
+                    "input")
         .required();
     verb.add_option("--out", settings->out, "the calibration file to write").required();
     verb.add_flag("--force", settings->force, "replace the calibration file where there is one");
@@ -270,6 +286,9 @@ Run add_calibrate(Command verb) {
     verb.add_option("--saturates-above", settings->request.saturates_above,
                     "rows with a channel at or above this are left out (unit of the channels)");
     verb.add_option("--report", settings->report, "also write a report with plots: one HTML file");
+    verb.add_option("--geometry", settings->array.geometry,
+                    "array: a calibration file with the places of its taxels, e.g. the maker's; or --set rows=16 ...");
+    verb.add_option("--map", settings->array.map, "array: also write gain, sd, load and state of each taxel: one CSV file");
     verb.add_option("--session", settings->selection.sessions, "use only these sessions").take_all();
     verb.add_option("--channels", settings->selection.channels, "use only these columns, in this order: A,B,C")
         .delimiter(',');

@@ -13,6 +13,8 @@
 #include "config/calibration.hpp"
 #include "decoupling/csv.hpp"
 #include "decoupling/decoupler.hpp"
+#include "decoupling/fit/array_presses.hpp"
+#include "decoupling/patch/patch.hpp"
 #include "decoupling/place.hpp"
 #include "node/ctl/command_line.hpp"
 
@@ -47,6 +49,23 @@ std::vector<std::size_t> channel_columns(const CsvReader& csv, const Calibration
                                calibration.path, fmt::join(csv.columns(), " ")));
     return columns;
 }
+
+// The values of an array in a row, in the order of a frame.
+class ArrayColumns {
+public:
+    ArrayColumns(const CsvReader& csv, Patch& patch, std::vector<std::string> channels)
+        : shape_(patch.shape()), columns_(taxel_columns(csv, shape_.taxels, channels)), value_(shape_.size()) {}
+    Taxels read(const CsvReader& csv) {
+        for (std::size_t k = 0; k < value_.size(); ++k)
+            value_[k] = float(csv.number(columns_[k / shape_.taxels][k % shape_.taxels]));
+        return {shape_, value_};
+    }
+
+private:
+    TaxelShape shape_;
+    std::vector<std::vector<std::size_t>> columns_;
+    std::vector<float> value_;
+};
 
 // Subtracts the mean of the GOOD forces of the first seconds, or where none is, of the UNCERTAIN ones; keeps these rows
 // until it is known.
@@ -104,7 +123,12 @@ int decouple(const Settings& settings) {
     CsvReader csv(settings.in);
     const auto time = csv.find("t_s");
     if (!time) csv.refuse("has no column t_s");
-    const auto columns = channel_columns(csv, calibration);
+    std::optional<ArrayColumns> array;
+    if (Patch* const patch = decoupler->patch(); patch != nullptr) {
+        array.emplace(csv, *patch, calibration.channels);
+        patch->set_saturates_at({settings.saturates_below, settings.saturates_above});
+    }
+    const auto columns = array ? std::vector<std::size_t>{} : channel_columns(csv, calibration);
     const auto temperature = csv.find("temperature_C");
     std::error_code none;
     if (settings.in != "-" && settings.out != "-" && std::filesystem::equivalent(settings.in, settings.out, none))
@@ -135,6 +159,7 @@ int decouple(const Settings& settings) {
             if (channel[k] <= settings.saturates_below || channel[k] >= settings.saturates_above)
                 reading.saturated |= 1u << k;
         }
+        if (array) reading.taxels = array->read(csv);
         const Estimate estimate = decoupler->decouple(reading);
         tare.write(t_s, estimate);
     }
@@ -150,7 +175,9 @@ Run add_decouple(Command verb) {
     verb.add_option("--calibration", settings->calibration, "the calibration file").required();
     verb.add_option("--method", settings->method, "of the model; the calibration's own if not given; auto");
     verb.add_option("--budget-us", settings->budget_us, "time that a sample may take with --method auto").show_default();
-    verb.add_option("--in", settings->in, "signals.csv: t_s and a column a channel; - is standard input").show_default();
+    verb.add_option("--in", settings->in,
+                    "signals.csv: t_s and a column a channel, or Z0, Z1 ... of an array; - is standard input")
+        .show_default();
     verb.add_option("--out", settings->out, "forces.csv; - is standard output").show_default();
     verb.add_option("--delay-ms", settings->delay_ms,
                     "delay of the measuring chain, as in the configuration: channels that move meanwhile do not contradict "
