@@ -129,6 +129,17 @@ bool Sensor::is_of_another_device(const Frame& frame) const noexcept {
     return (frame.missing >> i & 1u) != 0 || frame.channel[i] != setup_.serial;
 }
 
+// A small array in the channels of a frame: all values of the first taxel, then those of the next one.
+inline Taxels Sensor::taxels_of(const Frame& frame, const TaxelShape& shape, std::span<float> value) noexcept {
+    for (std::size_t k = 0; k < shape.size(); ++k) {
+        float& of_taxel = value[k % shape.values * shape.taxels + k / shape.values];
+        of_taxel = (frame.missing >> k & 1u) != 0     ? std::numeric_limits<float>::quiet_NaN()
+                   : (frame.saturated >> k & 1u) != 0 ? std::numeric_limits<float>::infinity()
+                                                      : float(frame.channel[k]);
+    }
+    return {shape, value.first(shape.size())};
+}
+
 Estimate Sensor::estimate(const Frame& frame, const Taxels& taxels, tactiled_sample& s) noexcept {
     if (is_of_another_device(frame)) {
         if (setup_.decoupler != nullptr) setup_.decoupler->forget();
@@ -138,7 +149,8 @@ Estimate Sensor::estimate(const Frame& frame, const Taxels& taxels, tactiled_sam
     }
     std::array<double, kMaxChannels> raw;
     Reading reading = read(frame, raw);
-    reading.taxels = taxels;
+    std::array<float, kMaxChannels> of_channels;
+    reading.taxels = patch_ != nullptr && frame.n_channels > 0 ? taxels_of(frame, patch_->shape(), of_channels) : taxels;
     follow_device(frame, reading.missing == 0);
     const std::size_t n = reading.channel.size();
     const auto all = std::uint32_t((std::uint64_t(1) << n) - 1);

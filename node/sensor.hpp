@@ -196,6 +196,8 @@ private:
     // Defined in sensor.cpp, the only user.
     [[nodiscard]] inline tactiled_sample next_sample(std::uint64_t t_ns, std::uint64_t now_ns) noexcept;
     [[nodiscard]] Estimate estimate(const Frame& frame, const Taxels& taxels, tactiled_sample& sample) noexcept;
+    [[nodiscard]] static inline Taxels taxels_of(const Frame& frame, const TaxelShape& shape,
+                                                 std::span<float> value) noexcept;
     [[nodiscard]] inline Reading read(const Frame& frame, std::array<double, kMaxChannels>& raw) noexcept;
     [[nodiscard]] inline double temperature_C(const Frame& frame) noexcept;
     [[nodiscard]] static bool is_confirmed(const tactiled_sample& s) noexcept { return (s.reasons & TACTILED_STEPPED) == 0; }

@@ -94,8 +94,10 @@ std::vector<float> put_array(tactiled_sensor& entry, const Patch& patch) {
     return list;
 }
 
-// The arrays of the link must be those of the calibration.
-void check_shape(SensorSettings& settings, const TaxelShape& of_link, const TaxelShape& of_calibration) {
+// The arrays of the link must be those of the calibration. A link without arrays can carry a small one in its channels.
+// Returns the number of these.
+std::size_t channels_of_array(SensorSettings& settings, const TaxelShape& of_link, const TaxelShape& of_calibration) {
+    if (of_link.taxels == 0 && of_calibration.size() <= kMaxChannels) return of_calibration.size();
     const auto text = [](TaxelShape shape) {
         return shape.taxels == 0 ? std::string("no taxels")
                                  : fmt::format("{} taxels of {} values", shape.taxels, shape.values);
@@ -104,6 +106,7 @@ void check_shape(SensorSettings& settings, const TaxelShape& of_link, const Taxe
         settings.options.problem("calibration",
                                  fmt::format("{} is for {}, link \"{}\" carries {} (its keys taxels and values)",
                                              settings.calibration, text(of_calibration), settings.link, text(of_link)));
+    return 0;
 }
 
 tactiled_sensor directory_entry(const SensorSettings& settings, const Calibration& calibration, const Decoupler& decoupler) {
@@ -196,7 +199,7 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     } else {
         patch->set_counts_per_unit(settings.counts_per_unit);
         if (!settings.channels.empty())
-            settings.options.problem("channels", "an array has taxels and no channels: delete this key");
+            settings.options.problem("channels", "an array has taxels, in the order of its link: delete this key");
     }
     if (setup.decoupler == nullptr || !problems.empty()) return;
     setup.counts_per_unit = settings.counts_per_unit;
@@ -231,7 +234,8 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
         link->bindings.push_back({std::uint16_t(settings.device), std::uint16_t(node.sensors.size())});
         link->age.add(std::uint16_t(settings.device), std::uint64_t(settings.stale_ms) * 1'000'000u);
         driver = link->driver.get();
-        if (driver != nullptr && patch != nullptr) check_shape(settings, driver->taxel_shape(), patch->shape());
+        if (driver != nullptr && patch != nullptr)
+            setup.frame_channels = channels_of_array(settings, driver->taxel_shape(), patch->shape());
     }
     setup.tuning = tuning_of(settings, calibration, setup.channel_of_frame, entry.full_scale, driver);
     node.sensors.emplace_back(std::move(setup));

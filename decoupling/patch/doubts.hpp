@@ -1,8 +1,8 @@
 // Taxels whose press contradicts that of their neighbours: weak, stuck, exchanged or shifted ones, which nobody declared.
 //
 // The press of one body is log-concave: that of a punch, of an edge and of Hertz, and its mean over a taxel as well (the
-// product of two such functions, summed over a convex set, is one). So it has no valley: along a line of taxels none is
-// below both of those beside it. A ring, or two bodies that are one taxel apart, do have one.
+// product of two such functions, summed over a convex set, is one). Along a line of taxels none is then below both
+// of those beside it: there is no valley. A ring, or two bodies that are one taxel apart, do have one.
 //
 // Upwards there is a limit only if the calibration states the narrowest contact, 2 a. The largest share of one taxel is then
 // that of a ball with the half axis a over its middle, whose mean press exceeds that over the next taxel by the ratio

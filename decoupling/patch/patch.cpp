@@ -15,7 +15,8 @@ namespace {
 
 constexpr std::array<Parameter, 1> kNoiseParameters{{{"gain_sd", "sd of a taxel's own gain, relative", 0, 10, 0}}};
 constexpr std::array<KnownTable, 1> kNoiseTables{{{"taxel_sd", 1, kAnyNumber, false}}};
-constexpr auto kParameters = joined(joined(joined(kPlaceParameters, kLawParameters), kNoiseParameters), kDoubtParameters);
+constexpr auto kParameters = joined(
+    joined(joined(kPlaceParameters, kLawParameters), joined(kNoiseParameters, kDoubtParameters)), kCrosstalkParameters);
 constexpr auto kTables = joined(joined(kPlaceTables, kLawTables), kNoiseTables);
 
 // A GOOD press may be off by a tenth at most, and what the neighbours do not show may be as large as what they do.
@@ -64,6 +65,7 @@ std::string fault_of_patch(const Calibration& calibration, std::uint32_t compone
 Patch::Patch(const CalibrationData& data, std::string& fault)
     : places_(places_of(data, fault)),
       law_(data, places_, fault),
+      crosstalk_(places_, data["crosstalk"]),
       noise_(noise_of(data, law_.models(), fault)),
       sums_(places_, noise_, law_.models().is_common()),
       contact_(places_, noise_, data["narrowest_contact_mm"] * 1e-3) {
@@ -109,6 +111,7 @@ Estimate Patch::decouple(const Reading& reading) noexcept {
     out_.clear();
     if (law_.apply(reading, has_no_zero_, forces_, estimate.reasons)) array.n_out = find_out(estimate);
     if (2 * std::size_t(array.n_out) > places_.n) return estimate;
+    crosstalk_.remove(forces_);
     if (has_lost_zeros_)
         contact_.forget(array);
     else
@@ -150,7 +153,7 @@ void Patch::put_sums(Estimate& estimate) noexcept {
     for (std::size_t c = 0; c < 2; ++c) variance[3 + c] += contact_.within()[c];
     for (std::size_t c = 0; c < 6; ++c) {
         const double error = std::max(contact_.doubt()[c], std::abs(contact_.doubted_share() * sums_.wrench()[c]));
-        variance[c] += error * error;  // of a component without a part of the press, its share
+        variance[c] += error * error;  // the share, for the components across the press
     }
     if (contact_.doubted_share() > kUnsureShare) estimate.reasons |= TACTILED_DISAGREEMENT;
     if (contact_.predicted_share() > kUnsureShare) estimate.reasons |= TACTILED_MISSING_CHANNEL;
@@ -253,8 +256,8 @@ std::unique_ptr<Decoupler> make(const CalibrationData& data, std::string& fault)
 
 const MethodEntry linear{
     .model = "patch", .method = "linear", .place = 10, .parameters = kParameters, .tables = kTables, .make = make};
-const MethodEntry models{
-    .model = "patch", .method = "models", .place = 20, .parameters = kParameters, .tables = kTables, .make = make};
+const MethodEntry taxel_models{
+    .model = "patch", .method = "taxel_models", .place = 20, .parameters = kParameters, .tables = kTables, .make = make};
 
 }  // namespace
 }  // namespace tactiled

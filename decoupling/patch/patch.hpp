@@ -9,6 +9,7 @@
 
 #include "decoupling/decoupler.hpp"
 #include "decoupling/patch/contact.hpp"
+#include "decoupling/patch/crosstalk.hpp"
 #include "decoupling/patch/places.hpp"
 #include "decoupling/patch/sums.hpp"
 #include "decoupling/patch/taxel_law.hpp"
@@ -25,7 +26,7 @@ public:
     void forget() noexcept override { law_.forget(); }
     void set_temperature(const TemperatureInUse& in_use) noexcept override { law_.models().set_temperature(in_use); }
     [[nodiscard]] std::string_view method() const noexcept override {
-        return law_.models().is_empty() ? "linear" : "models";
+        return law_.models().is_empty() ? "linear" : "taxel_models";
     }
     [[nodiscard]] Patch* patch() noexcept override { return this; }
 
@@ -68,6 +69,7 @@ private:
 
     TaxelPlaces places_;
     TaxelLaw law_;
+    Crosstalk crosstalk_;
     TaxelNoise noise_;
     Sums sums_;
     Contact contact_;

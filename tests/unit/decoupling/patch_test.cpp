@@ -164,6 +164,31 @@ TEST_F(PatchTest, DoubtsAPressOnOneTaxelWhereContactsAreWider) {
     EXPECT_NE(fault_of(calibration_).find("narrowest_contact_mm = 3 is less than two pitches, 4 mm"), std::string::npos);
 }
 
+// Each taxel shows a tenth of each neighbour's force: the forces on them are found again, in all components.
+TEST_F(PatchTest, RemovesCrosstalk) {
+    for (const double part : {0.01, 0.1, 0.2}) {
+        calibration_.parameters["crosstalk"] = part;
+        make();
+        std::vector<float> on(90, 0);
+        for (std::size_t i = 0; i < 90; ++i) on[i] = float((i * 37) % 11) * 100;
+        for (std::size_t v = 0; v < 3; ++v)
+            for (std::size_t i = 0; i < 30; ++i) {
+                const std::size_t row = i / 5, column = i % 5;
+                float others = 0;
+                if (row > 0) others += on[v * 30 + i - 5];
+                if (row < 5) others += on[v * 30 + i + 5];
+                if (column > 0) others += on[v * 30 + i - 1];
+                if (column < 4) others += on[v * 30 + i + 1];
+                raw_[v * 30 + i] = on[v * 30 + i] + float(part) * others;
+            }
+        (void)decouple();
+        for (std::size_t i = 0; i < 30; ++i) {
+            EXPECT_NEAR(force(i, 0), double(on[i]) / 1000, 2e-3) << i << " " << part;
+            EXPECT_NEAR(force(i, 2), -double(on[60 + i]) / 1000, 2e-3) << i << " " << part;
+        }
+    }
+}
+
 // What the neighbours do not predict of a column without values exceeds a twentieth of the press.
 TEST_F(PatchTest, IsUncertainWhereMuchOfThePressIsPredicted) {
     for (std::size_t i = 0; i < 30; ++i) press_at(i, i % 5 == 2 ? 2000 : i % 5 == 1 || i % 5 == 3 ? 1000 : 0);

@@ -38,7 +38,7 @@ Calibration array_of(std::vector<Calibration> taxels) {
     Calibration array;
     array.path = "array";
     array.model = "patch";
-    array.method = "models";
+    array.method = "taxel_models";
     array.channels = taxels.front().channels;
     array.channel_unit = taxels.front().channel_unit;
     array.components = {"fx", "fy", "fz", "mx", "my", "mz"};
@@ -106,7 +106,7 @@ TEST(TaxelModels, AnArrayOfPadsIsTheSumOfItsPads) {
         EXPECT_NE(e.reasons & TACTILED_UNKNOWN_UNCERTAINTY, 0u);  // the file states no sd
         EXPECT_TRUE(std::isnan(e.sd[2]));
     }
-    EXPECT_EQ(patch->method(), "models");
+    EXPECT_EQ(patch->method(), "taxel_models");
 }
 
 // The error of one calibration for all is the same in all taxels; those of nine calibrations are independent.
