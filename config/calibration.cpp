@@ -209,7 +209,10 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
     if (!fit.method.empty() && !valid_name(fit.method))
         file.problem("method", fmt::format("method = {}; {}", in_quotes(fit.method), kValidName));
     const std::size_t n_rows = calibration.components.size(), n = calibration.channels.size();
-    missing(file, "zero", "what each channel reads at no load");
+    if (calibration.taxel_files.empty())
+        missing(file, "zero", "what each channel reads at no load");
+    else if (file.has("zero"))
+        file.problem("zero", "the files of taxel_calibration have the zeros; tables.zero has those of each taxel");
     fit.zero = file.numbers("zero", kFinite, as_many_as(calibration.channels));
     const Count each = as_many_as(calibration.components);
     fit.sd = file.numbers("sd", kNotNegative, each);

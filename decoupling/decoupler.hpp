@@ -48,7 +48,7 @@ struct Estimate {
     double residual = kNaN;     // difference from the model, in standard deviations of the channels
     // Centre of pressure where the model finds it by itself, and its sd; else NaN: place.hpp computes it from the wrench.
     std::array<double, 2> cop_S_m{kNaN, kNaN}, cop_sd_m{kNaN, kNaN};
-    std::array<double, 2> correlation{};  // of the errors of fz with those of mx and of my
+    std::array<double, 2> correlation{};  // errors of fz with those of mx and of my
     std::uint32_t direction = 0;          // method "signs": row of the decision table, 0 = none or not this method
 
     [[nodiscard]] tactiled_quality quality() const noexcept {

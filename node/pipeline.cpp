@@ -75,7 +75,7 @@ void Pipeline::publish(std::uint32_t sensor, const tactiled_sample& sample) noex
     if (Patch* const patch = sensors_[sensor].patch())
         segment_.publish_array(sensor, sample.sequence, patch->record(sample));
     const auto& cop_sd_m = sensors_[sensor].cop_sd_m();
-    segment_.publish(sensor, tactiled_placed{sample, {float(cop_sd_m[0]), float(cop_sd_m[1])}});
+    segment_.publish(sensor, sample, {float(cop_sd_m[0]), float(cop_sd_m[1])});
     segment_.count_reasons(sensor, sample.reasons);
     record_.add(sensor, sample);
 }

@@ -151,7 +151,7 @@ Estimate Sensor::estimate(const Frame& frame, const Taxels& taxels, tactiled_sam
     Reading reading = read(frame, raw);
     std::array<float, kMaxChannels> of_channels;
     reading.taxels = patch_ != nullptr && frame.n_channels > 0 ? taxels_of(frame, patch_->shape(), of_channels) : taxels;
-    follow_device(frame, reading.missing == 0);
+    if (patch_ == nullptr) follow_device(frame, reading.missing == 0);
     const std::size_t n = reading.channel.size();
     const auto all = std::uint32_t((std::uint64_t(1) << n) - 1);
     std::uint32_t dead = 0;
@@ -166,6 +166,7 @@ Estimate Sensor::estimate(const Frame& frame, const Taxels& taxels, tactiled_sam
     s.saturated = reading.saturated;
     if (setup_.automatic != nullptr) put_method(s);
     Estimate estimate = setup_.automatic == nullptr ? setup_.decoupler->decouple(reading) : decouple(reading);
+    if (patch_ != nullptr) follow_device(frame, estimate.has_value);
     // A dead channel has the reason FROZEN or IDLE_BUS, and not MISSING_CHANNEL as well.
     if (dead != 0 && is_complete) estimate.reasons &= ~std::uint32_t(TACTILED_MISSING_CHANNEL);
     estimate.reasons |= of_stream;
@@ -247,7 +248,7 @@ inline void Sensor::follow_tare(tactiled_sample& s) noexcept {
         const bool is_done = zero_.advance(s, {channel_.data(), n_channels}, method_, n_methods);
         if (patch_ != nullptr && zero_.tare_samples() != samples) patch_->add_to_tare();
         if (is_done) low_pass_.reset();
-        if (is_done && patch_ != nullptr) patch_->end_tare(true);
+        if (is_done && patch_ != nullptr) of_model_ = patch_->end_tare(true);
     }
     if (zero_.tare() == Tare::removing) zero_.end_removal();
     if (zero_.tare() == Tare::running) s.reasons |= TACTILED_TARING;
@@ -298,7 +299,8 @@ void Sensor::put_tared(tactiled_sample& s) noexcept {
 // subtracts the zero of a tare from its taxels.
 inline void Sensor::put_place(const Wrench& tared, const Wrench& sd, tactiled_sample& s) noexcept {
     const bool is_of_model = patch_ != nullptr || (s.tare_count == 0 && std::isfinite(of_model_.cop_S_m[0]));
-    const Place place = is_of_model ? of_model_ : place_of(tared, sd, correlation_);
+    const PressPlace place = is_of_model ? published(of_model_, tared, sd, sd_of_model_)
+                                         : place_of(tared, sd, covariance_of(correlation_, sd_of_model_));
     std::copy_n(place.cop_S_m.begin(), 2, s.cop_S_m);
     cop_sd_m_ = place.sd_m;
 }

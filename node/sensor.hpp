@@ -262,7 +262,7 @@ private:
     double others_temperature_C_ = kNaN;
     float peak_N_ = 0;
     bool has_contact_ = false;  // the last confirmed sample had contact
-    Place of_model_{};          // the place that the model found by itself, in the last sample
+    PressPlace of_model_{};     // the place that the model found by itself, in the last sample
     std::array<double, 2> correlation_{}, cop_sd_m_{kNaN, kNaN};
     tactiled_sample last_{};
     std::uint32_t own_quality_ = TACTILED_BAD;  // quality of the last confirmed sample, before it was compared

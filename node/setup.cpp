@@ -128,11 +128,18 @@ tactiled_sensor directory_entry(const SensorSettings& settings, const Calibratio
     return entry;
 }
 
+// The text of a calibration and of those of its taxels.
+std::string whole_text(const Calibration& calibration) {
+    std::string text = calibration_text(calibration);
+    for (const Calibration& taxel : calibration.taxels) text += calibration_text(taxel);
+    return text;
+}
+
 // The id of the owner covers the channels and the calibration: a stored zero with another id is not used.
 ZeroOwner zero_owner(const SensorSettings& settings, const Calibration& calibration, const Sensor::Setup& setup) {
     boost::crc_32_type id;
     const auto add = [&](const std::string& text) { id.process_bytes(text.c_str(), text.size() + 1); };
-    add(calibration_text(calibration));
+    add(whole_text(calibration));
     add(fmt::format("{:.17g} {} {}", settings.counts_per_unit, settings.link, settings.device));
     for (const auto& channel : settings.channels) add(channel);
     ZeroOwner owner{settings.name, calibration.serial, id.checksum(), {}, settings.zero_after != "forget"};
@@ -220,8 +227,11 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
         setup.serial_of_frame = index_of(settings.serial_channel);
         setup.serial = number.value_or(0);
     }
-    setup.needs_tare = calibration.validation.ends_with(Calibration::kOwnZeros) || !calibration.zero_shift.empty();
-    setup.zero = zero_rates(patch != nullptr ? patch->with_sd_at_rest(calibration) : calibration);
+    const auto needs_tare = [](const Calibration& c) {
+        return c.validation.ends_with(Calibration::kOwnZeros) || !c.zero_shift.empty();
+    };
+    setup.needs_tare = needs_tare(calibration) || std::ranges::any_of(calibration.taxels, needs_tare);
+    setup.zero = zero_rates(patch != nullptr ? patch->with_zero_of_taxels(calibration) : calibration);
     node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
     tactiled_sensor& entry = node.plan.sensors.back();
     node.plan.places.push_back(patch != nullptr ? put_array(entry, *patch) : std::vector<float>{});
@@ -239,7 +249,8 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     }
     setup.tuning = tuning_of(settings, calibration, setup.channel_of_frame, entry.full_scale, driver);
     node.sensors.emplace_back(std::move(setup));
-    node.calibrations.push_back(calibration_text(calibration));
+    node.calibrations.push_back(whole_text(calibration));
+    for (const Calibration& taxel : calibration.taxels) node.taxel_files.push_back(taxel.path);
 }
 
 // Refuses pairs without a common force component, which would always agree.
@@ -321,15 +332,16 @@ std::optional<tool::Setup> tool_setup(const Config& config) {
 }
 
 // Returns CAL_ID: one number that changes when the configuration or any calibration changes.
-std::uint16_t identity_of(const Config& config, Problems& problems) {
+std::uint16_t identity_of(const Node& node, Problems& problems) {
     constexpr std::size_t kMaxBytes = std::size_t{16} << 20;  // the same limit as for a calibration
     boost::crc_optimal<16, 0x1021, 0xFFFF, 0, false, false> crc;
     const auto add_file = [&](const std::string& path) {
         const auto bytes = read_text_file(path, kMaxBytes, problems);
         if (bytes) crc.process_bytes(bytes->data(), bytes->size());
     };
-    add_file(config.path);
-    for (const auto& sensor : config.sensors) add_file(sensor.calibration);
+    add_file(node.config.path);
+    for (const auto& sensor : node.config.sensors) add_file(sensor.calibration);
+    for (const auto& file : node.taxel_files) add_file(file);
     return crc.checksum();
 }
 
@@ -354,6 +366,7 @@ ZeroError::Rates zero_rates(const Calibration& calibration) {
 Node load_node(const std::string& config_path, Problems& problems, const std::string& costs_folder) {
     Node node{.config = load_config(config_path, problems),
               .calibrations = {},
+              .taxel_files = {},
               .zeros = {},
               .links = {},
               .sensors = {},
@@ -387,7 +400,7 @@ Node load_node(const std::string& config_path, Problems& problems, const std::st
     node.plan.watchdog_ms = std::uint32_t(config.node.watchdog_ms);
     node.plan.history = std::uint32_t(config.shm.history);
     node.plan.array_history = std::uint32_t(config.shm.array_history);
-    node.plan.calibration_id = identity_of(config, problems);
+    node.plan.calibration_id = identity_of(node, problems);
     return node;
 }
 

@@ -15,7 +15,8 @@ namespace tactiled {
 
 struct Node {
     Config config;
-    std::vector<std::string> calibrations;  // the text of each sensor's calibration
+    std::vector<std::string> calibrations;  // the text of each sensor's calibration, with those of its taxels
+    std::vector<std::string> taxel_files;   // paths of the latter
     std::vector<ZeroOwner> zeros;           // the owner of each sensor's zero
     std::vector<std::unique_ptr<Link>> links;
     std::vector<Sensor> sensors;  // in the order of the file, of the segment and of the register map

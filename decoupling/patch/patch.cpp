@@ -68,12 +68,13 @@ Patch::Patch(const CalibrationData& data, std::string& fault)
       crosstalk_(places_, data["crosstalk"]),
       noise_(noise_of(data, law_.models(), fault)),
       sums_(places_, noise_, law_.models().is_common()),
-      contact_(places_, noise_, data["narrowest_contact_mm"] * 1e-3) {
+      contact_(places_, noise_.times(crosstalk_.noise_gain()), data["narrowest_contact_mm"] * 1e-3) {
     const Calibration& calibration = data.calibration();
+    if (fault.empty()) fault = fault_of_crosstalk(places_, data["crosstalk"]);
     if (fault.empty()) fault = fault_of_narrowest(places_, data["narrowest_contact_mm"] * 1e-3);
     if (fault.empty()) fault = fault_of_patch(calibration, law_.components());
     if (!fault.empty()) return;
-    forces_ = zero_ = mean_ = forces_of(places_.n, law_.components(), !law_.models().is_empty());
+    forces_ = shown_ = zero_ = zero_shown_ = mean_ = forces_of(places_.n, law_.components(), !law_.models().is_empty());
     was_out_.assign(places_.n, 0);
     has_no_zero_.assign(places_.n, 0);
     had_no_zero_.assign(places_.n, 0);
@@ -90,11 +91,37 @@ Patch::Patch(const CalibrationData& data, std::string& fault)
     }
 }
 
-Calibration Patch::with_sd_at_rest(const Calibration& calibration) const {
+Calibration Patch::with_zero_of_taxels(const Calibration& calibration) const {
     Calibration result = calibration;
     if (result.sd.empty())
         for (const auto& name : calibration.components)
             result.sd.push_back(std::sqrt(sums_.variance_at_rest()[component_index(name)]));
+    if (calibration.taxels.empty()) return result;
+    if (result.zero_rate_per_h.empty()) result.zero_rate_per_h = sum_over_taxels(calibration, &Calibration::zero_rate_per_h);
+    if (result.zero_shift.empty()) result.zero_shift = sum_over_taxels(calibration, &Calibration::zero_shift);
+    return result;
+}
+
+// The sum of what the files of the taxels state for their components, at most; empty if none states it.
+std::vector<double> Patch::sum_over_taxels(const Calibration& calibration, std::vector<double> Calibration::*stated) const {
+    Wrench sum{};
+    bool any = false;
+    for (std::size_t i = 0; i < places_.n; ++i) {
+        const Calibration& taxel = calibration.taxels[calibration.taxels.size() == 1 ? 0 : i];
+        std::array<double, 3> of_force{};
+        for (std::size_t k = 0; k < (taxel.*stated).size(); ++k)
+            if (const std::size_t c = component_index(taxel.components[k]); c < 3)
+                of_force[c] = (taxel.*stated)[k], any = true;
+        const std::array<double, 3> r{double(places_.x[i]), double(places_.y[i]), double(places_.z[i])};
+        for (std::size_t c = 0; c < 3; ++c) {
+            const std::size_t a = (c + 1) % 3, b = (c + 2) % 3;
+            sum[c] += of_force[c];
+            sum[3 + c] += std::abs(r[a]) * of_force[b] + std::abs(r[b]) * of_force[a];
+        }
+    }
+    std::vector<double> result;
+    for (const auto& name : calibration.components)
+        if (any) result.push_back(sum[component_index(name)]);
     return result;
 }
 
@@ -111,17 +138,21 @@ Estimate Patch::decouple(const Reading& reading) noexcept {
     out_.clear();
     if (law_.apply(reading, has_no_zero_, forces_, estimate.reasons)) array.n_out = find_out(estimate);
     if (2 * std::size_t(array.n_out) > places_.n) return estimate;
-    crosstalk_.remove(forces_);
-    if (has_lost_zeros_)
+    if (crosstalk_.is_any()) {
+        shown_.component = forces_.component;  // no allocation: their sizes are equal
+        crosstalk_.remove(forces_);
+    }
+    if (has_lost_zeros_) {
         contact_.forget(array);
-    else
+        estimate.reasons |= TACTILED_ZERO_UNKNOWN;
+    } else {
         contact_.find(forces_, zero_, out_, array);
+    }
     put_sums(estimate);
     if ((estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0) forget_unknown_sd();
-    for (std::size_t c = 0; c < 2; ++c) {
-        estimate.cop_S_m[c] = double(array.cop_S_m[c]);
-        estimate.cop_sd_m[c] = double(array.cop_sd_m[c]);
-    }
+    const PressPlace at = place();
+    estimate.cop_S_m = at.cop_S_m;
+    estimate.cop_sd_m = at.sd_m;
     return estimate;
 }
 
@@ -138,7 +169,7 @@ std::uint32_t Patch::find_out(Estimate& estimate) noexcept {
         estimate.reasons |= TACTILED_MISSING_CHANNEL;
         return std::uint32_t(out_.size());
     }
-    predict(places_, noise_, zero_, forces_, out_);
+    predict(places_, noise_, zero_shown_, forces_, out_);
     const bool is_supported = std::ranges::all_of(out_, &TaxelOut::is_supported);
     if ((states & TACTILED_TAXEL_SATURATED) != 0) estimate.reasons |= TACTILED_SATURATED | TACTILED_UNKNOWN_UNCERTAINTY;
     if (!is_supported) estimate.reasons |= TACTILED_MISSING_CHANNEL | TACTILED_UNKNOWN_UNCERTAINTY;
@@ -152,7 +183,8 @@ void Patch::put_sums(Estimate& estimate) noexcept {
     Wrench variance = sums_.variance();
     for (std::size_t c = 0; c < 2; ++c) variance[3 + c] += contact_.within()[c];
     for (std::size_t c = 0; c < 6; ++c) {
-        const double error = std::max(contact_.doubt()[c], std::abs(contact_.doubted_share() * sums_.wrench()[c]));
+        const double error =
+            std::max(contact_.doubt()[c], std::abs(contact_.doubted_share() * (sums_.wrench()[c] - zero_S_[c])));
         variance[c] += error * error;  // the share, for the components across the press
     }
     if (contact_.doubted_share() > kUnsureShare) estimate.reasons |= TACTILED_DISAGREEMENT;
@@ -190,33 +222,48 @@ void Patch::begin_tare() noexcept {
 }
 
 void Patch::add_to_tare() noexcept {
+    const auto& shown = crosstalk_.is_any() ? shown_.component : forces_.component;
     const float weight = 1 / float(++n_tare_);
     for (std::size_t c = 0; c < 3; ++c)
         for (std::size_t i = 0; i < mean_.component[c].size(); ++i) {
             float& mean = mean_.component[c][i];
-            mean = n_tare_ == 1 ? forces_.component[c][i] : mean + weight * (forces_.component[c][i] - mean);
+            mean = n_tare_ == 1 ? shown[c][i] : mean + weight * (shown[c][i] - mean);
         }
     for (const TaxelOut& one : out_) was_out_[one.taxel] = TACTILED_TAXEL_MISSING;
 }
 
-void Patch::end_tare(bool is_taken) noexcept {
+PressPlace Patch::end_tare(bool is_taken) noexcept {
     std::swap(has_no_zero_, is_taken ? was_out_ : had_no_zero_);
-    if (!is_taken) return;
-    std::swap(zero_.component, mean_.component);
-    has_lost_zeros_ = false;
-    contact_.find(forces_, zero_, out_, *reinterpret_cast<tactiled_array*>(record_.data()));
+    if (is_taken) {
+        set_zero(mean_);
+        contact_.find(forces_, zero_, out_, *reinterpret_cast<tactiled_array*>(record_.data()));
+    }
+    return place();
 }
 
 void Patch::untare() noexcept {
-    has_lost_zeros_ = false;
-    for (auto& component : zero_.component) std::ranges::fill(component, 0.f);
+    for (auto& component : mean_.component) std::ranges::fill(component, 0.f);
+    set_zero(mean_);
     std::ranges::fill(has_no_zero_, std::uint8_t(0));
+}
+
+// `shown`: what the taxels show without a load.
+void Patch::set_zero(const TaxelForces& shown) noexcept {
+    has_lost_zeros_ = false;
+    zero_.component = zero_shown_.component = shown.component;
+    crosstalk_.remove(zero_);
+    sums_.add(zero_, {});
+    zero_S_ = sums_.wrench();
+}
+
+PressPlace Patch::place() const noexcept {
+    const auto& array = *reinterpret_cast<const tactiled_array*>(record_.data());
+    return {{double(array.cop_S_m[0]), double(array.cop_S_m[1])}, {double(array.cop_sd_m[0]), double(array.cop_sd_m[1])}};
 }
 
 const void* Patch::record(const tactiled_sample& sample) noexcept {
     auto& array = *reinterpret_cast<tactiled_array*>(record_.data());
     array.sample = sample;
-    if (has_lost_zeros_) array.sample.reasons |= TACTILED_ZERO_UNKNOWN;
     tactiled_put_verdict(&array.sample, sample.quality != TACTILED_BAD);
     const std::size_t n = places_.n, n_components = std::size_t(std::popcount(law_.components()));
     auto* const force = reinterpret_cast<float*>(&array + 1);

@@ -13,6 +13,7 @@
 #include "decoupling/patch/places.hpp"
 #include "decoupling/patch/sums.hpp"
 #include "decoupling/patch/taxel_law.hpp"
+#include "decoupling/place.hpp"
 
 namespace tactiled {
 
@@ -33,9 +34,9 @@ public:
     [[nodiscard]] TaxelShape shape() const noexcept { return law_.shape(); }
     [[nodiscard]] std::uint32_t components() const noexcept { return law_.components(); }
     [[nodiscard]] const TaxelPlaces& places() const noexcept { return places_; }
-    // Returns the calibration with the standard deviation of the wrench without a load as its sd, unless it states one.
-    // setup
-    [[nodiscard]] Calibration with_sd_at_rest(const Calibration& calibration) const;
+    // Returns the calibration with the standard deviation of the wrench without a load as its sd, and with the rates and
+    // shifts of the zero that the files of the taxels state, unless it states its own. setup
+    [[nodiscard]] Calibration with_zero_of_taxels(const Calibration& calibration) const;
     // setup
     void set_counts_per_unit(double counts) noexcept { law_.set_counts_per_unit(counts); }
     // Frames after which a taxel that repeats its values is dead; 0 = never, -1 = by the calibration. rt: wait-free
@@ -49,10 +50,10 @@ public:
     // in one of these readings has none until the next tare. rt: wait-free
     void begin_tare() noexcept;
     void add_to_tare() noexcept;
-    void end_tare(bool is_taken) noexcept;
+    PressPlace end_tare(bool is_taken) noexcept;  // returns the place of the last reading
     void untare() noexcept;
-    // The wrench has the zero of a tare of an earlier run, and the taxels have none: there is no contact, and the zero of
-    // the array is unknown. rt: wait-free
+    // The wrench has the zero of a tare of an earlier run, and the taxels have none: there is no contact, nothing shows
+    // faults of taxels, and the zero is unknown until a tare. rt: wait-free
     void lose_zeros() noexcept { has_lost_zeros_ = true; }
 
     // Returns the record of the last reading: struct tactiled_array and what follows it, in record_size() bytes, with this
@@ -65,6 +66,10 @@ public:
 private:
     [[nodiscard]] std::uint32_t find_out(Estimate& estimate) noexcept;
     void put_sums(Estimate& estimate) noexcept;
+    [[nodiscard]] std::vector<double> sum_over_taxels(const Calibration& calibration,
+                                                      std::vector<double> Calibration::*stated) const;
+    [[nodiscard]] PressPlace place() const noexcept;
+    void set_zero(const TaxelForces& shown) noexcept;
     void forget_unknown_sd() noexcept;
 
     TaxelPlaces places_;
@@ -76,7 +81,9 @@ private:
     std::uint32_t always_ = 0;  // reasons of every sample
     std::array<bool, 6> seen_{};
     std::array<double, 6> full_scale_{}, sd_{}, sd_slope_{};
-    TaxelForces forces_, zero_, mean_;
+    // Forces on the taxels, as they show them with crosstalk, and without a load; the mean of a tare is of those shown.
+    TaxelForces forces_, shown_, zero_, zero_shown_, mean_;
+    Wrench zero_S_{};  // of zero_
     std::vector<TaxelOut> out_;
     // A taxel had no force in the mean that runs, in the last tare, or in the one before that mean.
     std::vector<std::uint8_t> was_out_, has_no_zero_, had_no_zero_;

@@ -26,6 +26,9 @@ struct TaxelOut {
 struct TaxelNoise {
     std::array<float, 3> sd{};
     float gain = 0;
+    [[nodiscard]] TaxelNoise times(float factor) const noexcept {
+        return {{factor * sd[0], factor * sd[1], factor * sd[2]}, factor * gain};
+    }
 };
 
 // Gives each taxel in `out` the mean force of its neighbours, in `forces`, and the error that the same prediction has at

@@ -22,6 +22,9 @@ std::string fault_of_sizes(const CalibrationData& data, std::size_t n) {
     const std::size_t values = data.calibration().channels.size(), rows = taxel != nullptr ? taxel->size() : 1;
     if ((taxel != nullptr) == !data.calibration().taxel_files.empty())
         return "it needs table taxel, the force of each value, or taxel_calibration = [\"a file\"], the model of a taxel";
+    if (taxel == nullptr && (data.has("gain_sd") || data.table("taxel_sd") != nullptr))
+        return "gain_sd and table taxel_sd belong to table taxel: the files of taxel_calibration state the sd of their "
+               "taxels";
     if (values > kMaxTaxelValues) return fmt::format("{} channels; a taxel has at most {}", values, kMaxTaxelValues);
     if (rows != 1 && rows != 3) return fmt::format("table taxel has {} rows; it needs 1 (fz) or 3 (fx, fy, fz)", rows);
     for (const char* const name : {"zero", "gain"})
@@ -71,8 +74,10 @@ TaxelLaw::TaxelLaw(const CalibrationData& data, const TaxelPlaces& places, std::
         for (const auto& row : *rows) matrix_.emplace_back(row.begin(), row.end());
     const bool has_shear = matrix_.empty() ? models_.sees_shear() : matrix_.size() == 3;
     components_ = has_shear || !places.is_flat() ? 7 : 4;
-    for (std::size_t v = 0; v < values; ++v) {
-        if (const NumberRows* zeros = data.table("zero"))
+    const NumberRows* const zeros = data.table("zero");
+    if (zeros == nullptr && !models_.is_empty()) models_.put_zeros(zero_);
+    for (std::size_t v = 0; zero_.size() < shape_.size(); ++v) {
+        if (zeros != nullptr)
             zero_.insert(zero_.end(), (*zeros)[v].begin(), (*zeros)[v].end());
         else
             zero_.insert(zero_.end(), n, float(calibration.zero[v]));
@@ -142,7 +147,7 @@ bool TaxelLaw::apply(const Reading& reading, std::span<const std::uint8_t> state
     }
     const bool any_outside = !(largest_magnitude(force[2].data(), n) <= full_scale_N_);
     for (std::size_t i = 0; any_outside && i < n; ++i)
-        if (std::isfinite(force[2][i]) && std::abs(force[2][i]) > full_scale_N_) out.state[i] |= TACTILED_TAXEL_OUTSIDE;
+        if (has_force(out.state[i]) && std::abs(force[2][i]) > full_scale_N_) out.state[i] |= TACTILED_TAXEL_OUTSIDE;
     if (!places_.is_flat()) turn(out);
     for (std::size_t i = 0; any_out && i < n; ++i)
         if (!has_force(out.state[i]))

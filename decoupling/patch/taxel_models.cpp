@@ -54,6 +54,12 @@ std::string TaxelModels::add(const Calibration& array, const Calibration& taxel)
     return "";
 }
 
+void TaxelModels::put_zeros(std::vector<float>& zero) const {
+    const std::size_t n = models_.size(), values = zero_.size() / n;
+    for (std::size_t v = 0; v < values; ++v)
+        for (std::size_t i = 0; i < n; ++i) zero.push_back(float(zero_[i * values + v]));
+}
+
 void TaxelModels::set_temperature(const TemperatureInUse& in_use) noexcept {
     for (auto& model : models_) model->set_temperature(in_use);
 }
@@ -68,6 +74,11 @@ std::uint32_t TaxelModels::apply(const Reading& reading, std::span<const float> 
     std::uint32_t reasons = 0;
     std::array<double, kMaxTaxelValues> channel{};
     for (std::size_t i = 0; i < n; ++i) {
+        for (std::size_t c = 0; c < 3; ++c) {
+            if (!force[c].empty()) force[c][i] = c < 2 && !sees_shear_ ? 0 : std::numeric_limits<float>::quiet_NaN();
+            out.sd[c][i] = 0;
+        }
+        if (!has_force(out.state[i])) continue;
         Reading of_taxel = reading;
         of_taxel.taxels = {};
         of_taxel.channel = {channel.data(), values};
@@ -78,14 +89,12 @@ std::uint32_t TaxelModels::apply(const Reading& reading, std::span<const float> 
             if (std::isinf(raw)) of_taxel.saturated |= 1u << v;
         }
         const Estimate e = models_[i]->decouple(of_taxel);
-        const std::uint8_t state = state_of(e, of_taxel);
-        out.state[i] |= state;
-        const bool has_value = has_force(state);
-        if (has_value) reasons |= e.reasons & ~std::uint32_t(TACTILED_OUTSIDE_DOMAIN);
-        for (std::size_t c = 0; c < 3; ++c) {
-            if (force[c].empty() || (c < 2 && !sees_shear_)) continue;
-            force[c][i] = has_value ? float(e.wrench_S[c]) : std::numeric_limits<float>::quiet_NaN();
-            out.sd[c][i] = has_value && std::isfinite(e.sd[c]) ? float(e.sd[c]) : 0;  // an unknown one is a reason
+        out.state[i] |= state_of(e, of_taxel);
+        if (!has_force(out.state[i])) continue;
+        reasons |= e.reasons & ~std::uint32_t(TACTILED_OUTSIDE_DOMAIN);
+        for (std::size_t c = sees_shear_ ? 0 : 2; c < 3; ++c) {
+            force[c][i] = float(e.wrench_S[c]);
+            if (std::isfinite(e.sd[c])) out.sd[c][i] = float(e.sd[c]);  // an unknown one is a reason
         }
     }
     return reasons;

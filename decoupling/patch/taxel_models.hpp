@@ -30,8 +30,12 @@ public:
     [[nodiscard]] float gain_sd() const noexcept { return gain_sd_; }
     void set_temperature(const TemperatureInUse& in_use) noexcept;
 
-    // Sets forces, sd and states of all taxels in their frames. `zero`: raw numbers without a load, value v of taxel i at
-    // v n + i. A taxel without a value of its own has the force NaN. Returns the reasons that no state tells. rt: wait-free
+    // Appends what each calibration reads without a load: value v of taxel i at v n + i, channel_unit. setup
+    void put_zeros(std::vector<float>& zero) const;
+
+    // Sets forces, sd and states of all taxels in their frames. `zero`: raw numbers without a load, in the same order; those
+    // of the calibrations, or others. A taxel that is out already, or has no value, has the force NaN. Returns the reasons
+    // that no state tells. rt: wait-free
     std::uint32_t apply(const Reading& reading, std::span<const float> zero, double counts_per_unit,
                         std::array<std::vector<float>, 3>& force, TaxelForces& out) noexcept;
     void forget() noexcept;

@@ -156,7 +156,8 @@ std::string fault_of_checked(const Calibration& calibration) {
     const std::size_t n = calibration.channels.size();
     if (n == 0 || n > kMaxChannels) return fmt::format("{} channels; a sensor has 1 .. {}", n, kMaxChannels);
     if (calibration.components.empty()) return "components is empty; name at least one of fx fy fz mx my mz";
-    if (calibration.zero.size() != n) return fmt::format("zero has {} numbers for {} channels", calibration.zero.size(), n);
+    if (calibration.zero.size() != n && calibration.taxel_files.empty())
+        return fmt::format("zero has {} numbers for {} channels", calibration.zero.size(), n);
     return fault_of_shared_parts(calibration);
 }
 

@@ -98,7 +98,7 @@ int check(const Args& args) {
         const Patch* const patch = node.sensors[i].patch();
         Problems none;
         const Calibration stated = load_calibration(sensor.calibration, none);
-        const Calibration calibration = patch != nullptr ? patch->with_sd_at_rest(stated) : stated;
+        const Calibration calibration = patch != nullptr ? patch->with_zero_of_taxels(stated) : stated;
         if (const std::string age = age_of_zero(calibration); !age.empty())
             fmt::print("sensor \"{}\": zero: {}\n", sensor.name, age);
         if (patch == nullptr && calibration.channels.size() > 1 && calibration.joint_domain.limit == 0)

@@ -41,7 +41,8 @@ bool same(const double* a, const double* b, std::size_t n) { return std::memcmp(
 
 // Returns "" or the first part that differs. `raw_only`: the input of a tare or a filter is not in the file.
 // `from_the_start`: else the noise that the sd takes into account was measured on frames before those of the file.
-std::string difference(const tactiled_sample& was, const tactiled_sample& is, bool raw_only, bool from_the_start) {
+std::string difference(const tactiled_sample& was, const tactiled_sample& is, bool raw_only, bool from_the_start,
+                       bool has_places) {
     // A restart that has lost the tare is not repeated here, nor is the tare that a calibration needs, nor the age of a
     // zero.
     const bool zero_lost = ((was.reasons | is.reasons) & (TACTILED_ZERO_UNKNOWN | TACTILED_ZERO_OLD)) != 0;
@@ -63,9 +64,8 @@ std::string difference(const tactiled_sample& was, const tactiled_sample& is, bo
     if (from_the_start && !zero_lost && was.tare_count == 0 &&  // the age of a tare is not in the file
         (!same(was.sd_force_N, is.sd_force_N, 3) || !same(was.sd_torque_Nm, is.sd_torque_Nm, 3)))
         return "sd";
-    // The place is that of the tared force where its sd allows one. A recording of a daemon before layout 1.9 has none.
-    if (from_the_start && !raw_only && !zero_lost && was.tare_count == 0 && !std::isnan(was.cop_S_m[0]) &&
-        !same(was.cop_S_m, is.cop_S_m, 2))
+    // The place is that of the tared force where its sd allows one. A recording of a daemon before layout 1.9 may have none.
+    if (from_the_start && !raw_only && !zero_lost && was.tare_count == 0 && has_places && !same(was.cop_S_m, is.cop_S_m, 2))
         return "cop_S_m";
     if (!same(&was.residual, &is.residual, 1)) return "residual";
     if (was.device_sequence != is.device_sequence || TACTILED_DIRECTION(was.state) != TACTILED_DIRECTION(is.state))
@@ -189,7 +189,8 @@ private:
         const bool from_the_start = published.from_the_start(i) && !node_.grasp;
         if (!from_the_start) ++outcome.without_sd;
         const bool raw_only = was->tare_count != 0 || !from_the_start;
-        const std::string what = difference(*was, is, raw_only, from_the_start);
+        has_places_ |= std::isfinite(was->cop_S_m[0]) || std::isfinite(was->cop_S_m[1]);
+        const std::string what = difference(*was, is, raw_only, from_the_start, has_places_);
         if (what.empty() && raw_only) ++outcome.raw_only;
         if (what.empty())
             ++outcome.equal;
@@ -200,6 +201,7 @@ private:
     std::vector<Outcome> outcome_;
     std::array<std::uint32_t, TACTILED_MAX_SENSORS> last_epoch_{};
     int shown_ = -1;
+    bool has_places_ = false;  // the recording has stated one
     std::unique_ptr<ForcesWriter> forces_;
 };
 

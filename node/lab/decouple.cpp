@@ -71,7 +71,8 @@ private:
 // until it is known.
 class Tare {
 public:
-    Tare(double duration_s, ForcesWriter& forces) : duration_s_(duration_s), forces_(forces) {}
+    Tare(double duration_s, bool is_array, ForcesWriter& forces)
+        : duration_s_(duration_s), is_array_(is_array), forces_(forces) {}
 
     void write(double t_s, Estimate estimate) {
         if (!until_s_) until_s_ = t_s + duration_s_;
@@ -81,9 +82,12 @@ public:
         }
         end();
         for (std::size_t c = 0; c < zero_S_.size(); ++c) estimate.wrench_S[c] -= zero_S_[c];
-        // The same choice is made in Sensor::put_place().
-        if (duration_s_ > 0 || !std::isfinite(estimate.cop_S_m[0])) {
-            const Place place = place_of(estimate.wrench_S, estimate.sd, estimate.correlation);
+        // The place of Sensor::put_place(); the taxels of an array are not tared here.
+        if (is_array_ && duration_s_ > 0) {
+            estimate.cop_S_m = estimate.cop_sd_m = {kNaN, kNaN};
+        } else if (!is_array_ && (duration_s_ > 0 || !std::isfinite(estimate.cop_S_m[0]))) {
+            const PressPlace place =
+                place_of(estimate.wrench_S, estimate.sd, covariance_of(estimate.correlation, estimate.sd));
             estimate.cop_S_m = place.cop_S_m;
             estimate.cop_sd_m = place.sd_m;
         }
@@ -107,6 +111,7 @@ public:
 
 private:
     double duration_s_;
+    bool is_array_;
     ForcesWriter& forces_;
     std::optional<double> until_s_;
     std::vector<std::pair<double, Estimate>> waiting_;
@@ -139,7 +144,7 @@ int decouple(const Settings& settings) {
                    "a load, and use --tare-s\n",
                    settings.calibration);
     ForcesWriter forces(settings.out);
-    Tare tare(settings.tare_s, forces);
+    Tare tare(settings.tare_s, decoupler->patch() != nullptr, forces);
     std::vector<double> channel(columns.size());
     std::optional<double> origin_s;  // subtracted from the times for the models, which must not be negative
     while (csv.next()) {

@@ -9,10 +9,10 @@
 namespace tactiled {
 
 // Writes record `number` of `size` bytes, a multiple of 8, into `ring` of the segment at `base`. Successive numbers differ
-// by 1.
+// by 1. `tail`: 8 bytes after the record, or nullptr.
 // rt: wait-free
-inline void publish_record(char* base, const tactiled_ring& ring, std::uint64_t number, const void* record,
-                           std::size_t size) noexcept {
+inline void publish_record(char* base, const tactiled_ring& ring, std::uint64_t number, const void* record, std::size_t size,
+                           const void* tail = nullptr) noexcept {
 #if defined(__SANITIZE_THREAD__)  // thread sanitizer does not model fences, so the stores have release order
     constexpr int kStore = __ATOMIC_RELEASE;
 #else
@@ -27,11 +27,14 @@ inline void publish_record(char* base, const tactiled_ring& ring, std::uint64_t 
     __atomic_store_n(lock_word, whole - 1, __ATOMIC_RELAXED);
     // sets the lock odd before any word is written: pairs with the reader's acquire fence
     __atomic_thread_fence(__ATOMIC_RELEASE);
-    for (std::size_t i = size / 8; i-- > 0;) {  // writes the lock's cache line last, because readers poll it
+    const auto write = [words](std::size_t at, const void* from) {
         std::uint64_t word;
-        std::memcpy(&word, static_cast<const char*>(record) + 8 * i, 8);
-        __atomic_store_n(words + i, word, kStore);
-    }
+        std::memcpy(&word, from, 8);
+        __atomic_store_n(words + at, word, kStore);
+    };
+    if (tail != nullptr) write(size / 8, tail);
+    for (std::size_t i = size / 8; i-- > 0;)  // writes the lock's cache line last, because readers poll it
+        write(i, static_cast<const char*>(record) + 8 * i);
     __atomic_store_n(lock_word, whole, __ATOMIC_RELEASE);  // pairs with the reader's acquire of the lock
     auto* head = reinterpret_cast<std::uint32_t*>(base + ring.head_offset);
     __atomic_store_n(head, std::uint32_t(number + 1), __ATOMIC_RELEASE);

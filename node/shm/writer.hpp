@@ -1,6 +1,7 @@
 // Creates and fills the segment that tactiled/layout.h describes. There is one writer, and any number of readers, which
 // cannot modify the segment.
 #pragma once
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <span>
@@ -49,10 +50,8 @@ public:
     void set_state(tactiled_state state) noexcept;
 
     // Publishes the next sample of sensor `index`; `sample.sequence` must count up by one. rt: wait-free
-    void publish(std::uint32_t index, const tactiled_placed& placed) noexcept;
-    void publish(std::uint32_t index, const tactiled_sample& sample) noexcept {
-        publish(index, tactiled_placed{sample, {NAN, NAN}});
-    }
+    using CopSd = std::array<float, 2>;  // standard deviation of the centre of pressure, m
+    void publish(std::uint32_t index, const tactiled_sample& sample, const CopSd& cop_sd_m = {NAN, NAN}) noexcept;
     // Publishes the array of sample `sequence` of sensor `index`: a record of tactiled_array_size() bytes, before the
     // sample.
     // rt: wait-free, linear in the size

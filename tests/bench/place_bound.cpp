@@ -40,7 +40,7 @@ struct Judged {
     double squares = 0, bound_squares = 0, ratios = 0;
     int n = 0, within = 0, beyond = 0, above = 0, lacking = 0, below = 0, places_below = 0;
 
-    void add(const Place& place, const std::array<double, 2>& truth, const std::array<double, 2>& bound, double in_sd) {
+    void add(const PressPlace& place, const std::array<double, 2>& truth, const std::array<double, 2>& bound, double in_sd) {
         for (std::size_t i = 0; i < 2; ++i) {
             const bool has_place = std::isfinite(place.cop_S_m[i]);
             if (!(in_sd > kPlace_sd)) {

@@ -105,7 +105,7 @@ def history(node, sensor, found):
         if record is None:
             found["lost"] += 1
             continue
-        sample = tactiled.Sample._make(tactiled._SAMPLE.values(record))
+        sample = tactiled._sample(record, tactiled._COP_SD_OF_ARRAY)
         found["mixed"] += sample.sequence != number
         count(tactiled._array(record, sample, info.n_taxels, components), sample.t_ns, 0, found)
 

@@ -2,6 +2,7 @@
 five values as 30 numbers in a line of text."""
 import os
 import shutil
+import signal
 import socket
 import sys
 import threading
@@ -18,7 +19,6 @@ model = "patch"
 method = "taxel_models"
 channels = ["C1", "C2", "C3", "C4", "Cn"]
 channel_unit = "pF"
-zero = [1.2285, 1.2285, 1.2285, 1.2285, 1.3039]
 components = ["fx", "fy", "fz", "mx", "my", "mz"]
 taxel_calibration = ["pad.toml"]
 parameters.rows = 2
@@ -93,6 +93,18 @@ class SmallArray(unittest.TestCase):
         self.assertAlmostEqual(array.sample.torque_S_Nm[0], -2 * 4e-3 + 1 * 4e-3, delta=1e-5)  # y fz
         self.assertAlmostEqual(array.sample.torque_S_Nm[1], 1 * 8e-3, delta=1e-5)              # -x fz
         self.assertIn("sd-unknown", array.sample.reasons_text)  # the thesis states none
+
+    def test_a_changed_file_of_the_pads_is_in_force_after_a_reload(self):
+        daemon = self.daemon()
+        daemon.start()
+        self.board.pads[1][4] += 0.0405 * 2 + 0.0008 * 4
+        os.environ["TACTILED_RUNTIME_DIR"] = str(daemon.segment.parent)
+        with tactiled.open(daemon.name) as node:
+            wait_for(lambda: abs(node.latest("pads").force_S_N[2] + 2) < 1e-2, "2 N")
+            pad = daemon.folder / "pad.toml"
+            pad.write_text(pad.read_text().replace("parameters.normal_b = 0.0405", "parameters.normal_b = 0.081"))
+            daemon.process.send_signal(signal.SIGHUP)
+            wait_for(lambda: abs(node.latest("pads").force_S_N[2] + 1.029) < 5e-3, "the new curve")
 
     def test_another_number_of_channels_is_another_device(self):
         daemon = self.daemon(channels=25)

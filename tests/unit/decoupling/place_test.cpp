@@ -14,7 +14,7 @@ Wrench press() { return {0.3, 0.1, -2, -1e-3 * -2, -3e-3 * -2, 0.01}; }
 Wrench sds(double force_N, double moment_Nm) { return {force_N, force_N, force_N, moment_Nm, moment_Nm, moment_Nm}; }
 
 TEST(Place, IsWhereTheForceHasTheMoments) {
-    const Place place = place_of(press(), sds(0.02, 1e-5), kIndependent);
+    const PressPlace place = place_of(press(), sds(0.02, 1e-5), kIndependent);
     EXPECT_NEAR(place.cop_S_m[0], 3e-3, 1e-18);
     EXPECT_NEAR(place.cop_S_m[1], -1e-3, 1e-18);
     EXPECT_NEAR(place.sd_m[0], std::hypot(1e-5, 3e-3 * 0.02) / 2, 1e-15);
@@ -35,14 +35,14 @@ TEST(Place, NeedsAPressAboveFiveSd) {
 TEST(Place, HasOnlyTheCoordinatesOfTheMomentsThatAreMeasured) {
     Wrench wrench = press(), sd = sds(0.02, 1e-5);
     wrench[3] = sd[3] = kNaN;
-    const Place place = place_of(wrench, sd, kIndependent);
+    const PressPlace place = place_of(wrench, sd, kIndependent);
     EXPECT_NEAR(place.cop_S_m[0], 3e-3, 1e-18);
     EXPECT_FALSE(std::isnan(place.sd_m[0]));
     EXPECT_TRUE(std::isnan(place.cop_S_m[1]) && std::isnan(place.sd_m[1]));
 }
 
 TEST(Place, IsFinite) {
-    const Place place = place_of({0, 0, -1e-320, 0, 1, 0}, Wrench{}, kIndependent);
+    const PressPlace place = place_of({0, 0, -1e-320, 0, 1, 0}, Wrench{}, kIndependent);
     EXPECT_TRUE(std::isnan(place.cop_S_m[0]));
 }
 
@@ -62,7 +62,7 @@ TEST(Place, StatesTheSdOfItsErrors) {
                 for (std::size_t i = 0; i < 2; ++i)
                     wrench[3 + i] +=
                         sd_Nm * (correlation[i] * of_force + std::sqrt(1 - correlation[i] * correlation[i]) * one(random));
-                const Place place = place_of(wrench, sds(sd_N, sd_Nm), correlation);
+                const PressPlace place = place_of(wrench, sds(sd_N, sd_Nm), covariance_of(correlation, sds(sd_N, sd_Nm)));
                 if (std::isnan(place.cop_S_m[0])) continue;
                 ++n;
                 for (std::size_t i = 0; i < 2; ++i) {
@@ -76,6 +76,19 @@ TEST(Place, StatesTheSdOfItsErrors) {
                 EXPECT_LE(beyond[i], 0.005 * n) << press_N << " N at " << at_m;
             }
         }
+}
+
+// The place of a model is published under the same limit, with what zero and delay add to its sd.
+TEST(Place, OfAModelHasTheSdOfTheZeroAsWell) {
+    const PressPlace own{{3e-3, -1e-3}, {1e-4, 1e-4}};
+    const Wrench of_model = sds(0.02, 1e-5);
+    EXPECT_EQ(published(own, press(), of_model, of_model).sd_m, own.sd_m);
+    const PressPlace drifted = published(own, press(), sds(0.2, 1e-3), of_model);
+    EXPECT_EQ(drifted.cop_S_m, own.cop_S_m);
+    EXPECT_NEAR(drifted.sd_m[0], std::hypot(1e-4, std::hypot(std::sqrt(1e-6 - 1e-10), 3e-3 * std::sqrt(0.04 - 0.0004)) / 2),
+                1e-9);
+    EXPECT_TRUE(std::isnan(published(own, press(), sds(0.41, 1e-3), of_model).cop_S_m[0]));
+    EXPECT_TRUE(std::isnan(published(own, press(), sds(kNaN, kNaN), of_model).cop_S_m[0]));
 }
 
 }  // namespace

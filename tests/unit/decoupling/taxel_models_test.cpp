@@ -42,7 +42,6 @@ Calibration array_of(std::vector<Calibration> taxels) {
     array.channels = taxels.front().channels;
     array.channel_unit = taxels.front().channel_unit;
     array.components = {"fx", "fy", "fz", "mx", "my", "mz"};
-    array.zero = taxels.front().zero;
     array.parameters = {{"rows", 3}, {"columns", 3}, {"pitch_mm", 8}};
     for (const auto& taxel : taxels) array.taxel_files.push_back(taxel.path);
     array.taxels = std::move(taxels);
@@ -122,7 +121,7 @@ TEST(TaxelModels, TheSdOfOneCalibrationAddsUp) {
     EXPECT_NEAR(raw.through(*own).sd[2], 3 * sd, 1e-5);
     EXPECT_NEAR(raw.through(*common).sd[0], 9 * 0.01, 1e-6);
     EXPECT_NEAR(raw.through(*own).sd[3], std::sqrt(6.) * 8e-3 * sd, 1e-6);
-    EXPECT_NEAR(common->patch()->with_sd_at_rest(array_of({taxel})).sd[2], 9 * 0.02, 1e-6);
+    EXPECT_NEAR(common->patch()->with_zero_of_taxels(array_of({taxel})).sd[2], 9 * 0.02, 1e-6);
 }
 
 TEST(TaxelModels, ATaxelWithoutAValueIsPredicted) {
@@ -157,15 +156,73 @@ TEST(TaxelModels, ZerosAndGainsOfTaxelsApply) {
     EXPECT_NEAR(raw.through(*patch).wrench_S[2], -2, 1e-4);
 }
 
+// Each file has the zero of its taxel.
+TEST(TaxelModels, TheFilesHaveTheZeros) {
+    std::vector<Calibration> taxels(kTaxels, generic_taxel());
+    Raw raw(taxels.front());
+    for (std::size_t i = 0; i < kTaxels; ++i) taxels[i].zero[4] += 0.01 * double(i), raw.at(i, 4) = float(taxels[i].zero[4]);
+    const auto patch = make_decoupler(array_of(taxels));
+    EXPECT_NEAR(raw.through(*patch).wrench_S[2], 0, 1e-4);
+}
+
+// A curved skin of taxels that measure the press alone: the sd of a frame does not depend on those before.
+TEST(TaxelModels, CurvedTaxelsHaveTheSdOfThisFrame) {
+    Calibration taxel = generic_taxel();
+    taxel.components = {"fz"};
+    taxel.matrix = {taxel.matrix.back()};
+    taxel.sd = {0.02}, taxel.sd_slope = {0.05}, taxel.full_scale = {50};
+    Calibration array = array_of({taxel});
+    array.parameters.clear();
+    for (std::size_t i = 0; i < kTaxels; ++i) {
+        const double angle = (double(i) - 4) * 0.2;
+        array.tables["place_mm"].push_back({10 * std::sin(angle), 0, 10 * std::cos(angle)});
+        array.tables["normal"].push_back({std::sin(angle), 0, std::cos(angle)});
+    }
+    array.tables["gain"] = {std::vector<double>(kTaxels, 1.3)};
+    const auto patch = make_decoupler(array);
+    Raw raw(taxel);
+    raw.at(2, 4) += 0.05f;
+    const Estimate first = raw.through(*patch);
+    ASSERT_TRUE(first.has_value);
+    for (int k = 0; k < 50; ++k) (void)raw.through(*patch);
+    EXPECT_EQ(raw.through(*patch).sd, first.sd);
+}
+
+// The rates of the files hold for the array, and for a force their sum at most.
+TEST(TaxelModels, TheZeroAgesAsThoseOfTheTaxels) {
+    Calibration taxel = generic_taxel();
+    taxel.zero_rate_per_h = {0.1, 0.1, 0.2};
+    const Calibration array = array_of({taxel});
+    const auto patch = make_decoupler(array);
+    const Calibration with = patch->patch()->with_zero_of_taxels(array);
+    ASSERT_EQ(with.zero_rate_per_h.size(), 6u);
+    EXPECT_NEAR(with.zero_rate_per_h[2], 9 * 0.2, 1e-12);
+    EXPECT_NEAR(with.zero_rate_per_h[3], 6 * 8e-3 * 0.2, 1e-8);
+    EXPECT_TRUE(with.zero_shift.empty());
+}
+
+TEST(TaxelModels, ADeadTaxelIsNotAsked) {
+    const Calibration taxel = generic_taxel();
+    Calibration array = array_of({taxel});
+    array.tables["dead"] = {{4}};
+    const auto patch = make_decoupler(array);
+    Raw raw(taxel);
+    raw.at(4, 4) = 50;  // far outside of its domain
+    EXPECT_EQ(raw.through(*patch).quality(), TACTILED_GOOD);
+}
+
 TEST(TaxelModels, AreRefusedWithTheReason) {
     const Calibration taxel = generic_taxel();
     EXPECT_NE(fault_of(array_of({taxel, taxel})).find("taxel_calibration has 2 files for 9 taxels"), std::string::npos);
     Calibration array = array_of({taxel});
-    array.channels.pop_back(), array.zero.pop_back();
+    array.channels.pop_back();
     EXPECT_NE(fault_of(array).find("has the channels C1 C2 C3 C4 Cn in pF, the array C1 C2 C3 C4 in pF"), std::string::npos);
     array = array_of({taxel});
     array.tables["taxel"] = {{0, 0, 0, 0, -20}};
     EXPECT_NE(fault_of(array).find("table taxel, the force of each value, or taxel_calibration"), std::string::npos);
+    array = array_of({taxel});
+    array.parameters["gain_sd"] = 0.1;
+    EXPECT_NE(fault_of(array).find("gain_sd and table taxel_sd belong to table taxel"), std::string::npos);
     Calibration no_press = taxel;
     no_press.components = {"fx", "fy"};
     no_press.matrix.pop_back(), no_press.sd.pop_back(), no_press.sd_slope.pop_back(), no_press.full_scale.pop_back();

@@ -67,7 +67,7 @@ TEST_F(SegmentVersions, ThePlaceOfASampleHasAnSdAndNoneFromAnOlderDaemon) {
     placed.sample.quality = TACTILED_GOOD;
     placed.sample.cop_S_m[0] = 0.003;
     placed.cop_sd_m[0] = 1e-4f;
-    writer->publish(0, placed);
+    writer->publish(0, placed.sample, {placed.cop_sd_m[0], placed.cop_sd_m[1]});
     tactiled_placed seen{};
     ASSERT_TRUE(Segment::open(name_).latest(0, seen));
     EXPECT_EQ(seen.sample.cop_S_m[0], 0.003);
