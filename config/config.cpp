@@ -149,7 +149,8 @@ const Fields<ShmSettings>& shm_fields() {
         {TACTILED_KEY(S, history), Default(0, "the largest up to 1024 that fits into 1 MB"), range(64, 65'536), "",
          "Samples kept for each sensor, a power of two."},
         {TACTILED_KEY(S, array_history), 128, range(8, 1024), "",
-         "Arrays kept for each sensor with taxels, a power of two; 1,024 taxels of three components need 14 kB each."},
+         "Arrays kept for each sensor with taxels, with their raw numbers; a power of two. 1,024 taxels of three need 27 kB "
+         "each."},
     };
     return fields;
 }

@@ -45,7 +45,9 @@ void Pipeline::deliver(Link& link, std::uint64_t now_ns) noexcept {
     for (std::size_t n = 0; n < link.ring.capacity(); ++n) {  // limited, so that no link starves the others
         const Frame* const frame = link.ring.front();
         if (frame == nullptr) return;
-        deliver(link, *frame, link.taxels.get(link.ring.slot_of(frame)), now_ns);
+        const std::size_t slot = link.ring.slot_of(frame);
+        if (!link.taxels.is_empty()) segment_.publish_taxels(link.index, link.delivered, link.taxels.record(slot));
+        deliver(link, *frame, link.taxels.get(slot), now_ns);
         link.ring.pop();
     }
 }

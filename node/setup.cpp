@@ -41,7 +41,10 @@ void make_driver(LinkSettings& settings, Link& link, tactiled_link& directory) {
                                  fmt::format("driver \"{}\" measures nothing: simulated = true", settings.driver));
     directory.simulated = simulated ? 1 : 0;
     link.driver = entry->make(settings.options);
-    if (link.driver != nullptr) link.taxels.make(link.driver->taxel_shape(), Link::kRingFrames);
+    if (link.driver == nullptr) return;
+    const TaxelShape shape = link.driver->taxel_shape();
+    link.taxels.make(shape, Link::kRingFrames);
+    if (shape.size() != 0) directory.taxels.record_size = tactiled_taxels_size(std::uint32_t(shape.size()));
 }
 
 // Returns the index in a frame for each channel of the calibration.

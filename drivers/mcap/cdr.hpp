@@ -31,6 +31,15 @@ public:
         out_.append(text);
         out_ += '\0';
     }
+    // A sequence of numbers: how many they are, then the numbers.
+    template <class T>
+    requires std::is_arithmetic_v<T>
+    void put(std::span<const T> numbers) {
+        put(std::uint32_t(numbers.size()));
+        if (numbers.empty()) return;
+        out_.append((sizeof(T) - (out_.size() - kCdrHead) % sizeof(T)) % sizeof(T), '\0');
+        out_.append(reinterpret_cast<const char*>(numbers.data()), numbers.size_bytes());
+    }
 
 private:
     std::string& out_;
@@ -54,6 +63,19 @@ public:
         std::memcpy(&value, bytes_.data() + at, sizeof value);
         at_ = at + sizeof value;
         return value;
+    }
+    // Reads numbers that follow each other.
+    template <class T>
+    requires std::is_arithmetic_v<T>
+    void get(std::span<T> numbers) {
+        if (numbers.empty()) return;
+        const std::size_t at = at_ + (sizeof(T) - (at_ - kCdrHead) % sizeof(T)) % sizeof(T);
+        if (failed_ || bytes_.size() < at + numbers.size_bytes()) {
+            failed_ = true;
+            return;
+        }
+        std::memcpy(numbers.data(), bytes_.data() + at, numbers.size_bytes());
+        at_ = at + numbers.size_bytes();
     }
     [[nodiscard]] bool failed() const { return failed_; }
 

@@ -73,13 +73,16 @@ std::string cell(const SegmentView& segment, std::uint32_t sensor, const Array& 
 
 }  // namespace
 
-float press_N(const SegmentView& segment, std::uint32_t sensor, const Array& array, std::uint32_t i) {
-    const float* const normal = tactiled_taxel_places(segment.c(), sensor) + std::size_t(i) * 6 + 3;
-    const float* force = array.force_S_N(i);
+float press_N(std::uint32_t components, const float* force_S_N, const float* normal_S) {
     float press = 0;
     for (std::uint32_t c = 0; c < 3; ++c)
-        if ((array.components() >> c & 1u) != 0) press -= *force++ * normal[c];
+        if ((components >> c & 1u) != 0) press -= *force_S_N++ * normal_S[c];
     return press;
+}
+
+float press_N(const SegmentView& segment, std::uint32_t sensor, const Array& array, std::uint32_t i) {
+    const float* const normal = tactiled_taxel_places(segment.c(), sensor) + std::size_t(i) * 6 + 3;
+    return press_N(array.components(), array.force_S_N(i), normal);
 }
 
 void append_array_json(const SegmentView& segment, std::uint32_t sensor, const Array& array, std::string& out) {
@@ -151,12 +154,11 @@ std::string array_table(const SegmentView& segment, std::uint32_t sensor, const 
     return out;
 }
 
-std::string array_csv(const SegmentView& segment, std::uint32_t sensor, const Array& array) {
+void append_array_csv(const SegmentView& segment, std::uint32_t sensor, const Array& array, std::string& out) {
     const auto number = [](float value) { return std::isfinite(value) ? fmt::format("{}", value) : std::string(); };
     const float* const places = tactiled_taxel_places(segment.c(), sensor);
     const auto& s = array.head().sample;
     const std::string t_s = fmt::format("{:.6f}", double(s.t_ns) / 1e9), quality = quality_text(s.quality, s.reasons);
-    std::string out = "t_s,taxel,x_m,y_m,z_m,fx_N,fy_N,fz_N,state,quality\n";
     for (std::uint32_t i = 0; i < array.n_taxels(); ++i) {
         out += fmt::format("{},{},{},{},{}", t_s, i, places[i * 6], places[i * 6 + 1], places[i * 6 + 2]);
         for (std::uint32_t c = 0; c < 3; ++c) {
@@ -165,7 +167,6 @@ std::string array_csv(const SegmentView& segment, std::uint32_t sensor, const Ar
         }
         out += fmt::format(",{},\"{}\"\n", words_of(array.states()[i], kTaxelStates), quality);
     }
-    return out;
 }
 
 }  // namespace tactiled::ctl

@@ -11,6 +11,8 @@ namespace tactiled::ctl {
 // The bits of a taxel's state (enum tactiled_taxel_state), from bit 0 on.
 inline constexpr std::array<const char*, 6> kTaxelStates = {"missing", "saturated", "dead", "frozen", "outside", "doubted"};
 
+// Returns the press along a normal of the measured components (bits 0..2) of a force.
+float press_N(std::uint32_t components, const float* force_S_N, const float* normal_S);
 // Returns the press on taxel i along its normal, N, from the components that are measured; NaN without one.
 float press_N(const SegmentView& segment, std::uint32_t sensor, const Array& array, std::uint32_t i);
 
@@ -21,8 +23,9 @@ void append_places_json(const SegmentView& segment, std::uint32_t sensor, std::s
 
 // Lines with quality, centre of pressure, area and peak, then the press on each taxel: the rows of a grid, or a list.
 std::string array_table(const SegmentView& segment, std::uint32_t sensor, const Array& array);
-// One line for each taxel.
-std::string array_csv(const SegmentView& segment, std::uint32_t sensor, const Array& array);
+// One line for each taxel, without a header.
+inline constexpr const char* kArrayCsvHeader = "t_s,taxel,x_m,y_m,z_m,fx_N,fy_N,fz_N,state,quality\n";
+void append_array_csv(const SegmentView& segment, std::uint32_t sensor, const Array& array, std::string& out);
 
 // ---- heat_map.cpp ----
 

@@ -77,8 +77,11 @@ int read_array(const Args& args, Reader& reader) {
         append_array_json(segment, sensor, array, out);
         out.back() = '}';
         out += '\n';
+    } else if (args.csv) {
+        out = kArrayCsvHeader;
+        append_array_csv(segment, sensor, array, out);
     } else {
-        out = args.csv ? array_csv(segment, sensor, array) : array_table(segment, sensor, array);
+        out = array_table(segment, sensor, array);
     }
     fmt::print("{}", out);
     return report_daemon(reader) ? kNotReachable : array.head().sample.quality == TACTILED_BAD ? kUnhealthy : kGood;

@@ -21,8 +21,10 @@
 #include "node/ctl/ask.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/liveness.hpp"
+#include "node/ctl/recorded_array.hpp"
 #include "node/ctl/sample_message.hpp"
 #include "node/ctl/status_text.hpp"
+#include "node/ctl/tail.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/setup.hpp"
 #include "node/shm/frame_record.hpp"
@@ -33,8 +35,8 @@ namespace {
 
 struct Args {
     std::string node = "gripper", file, config, compression = "none";
-    bool overwrite = false, json = false, csv = false;
-    double seconds = 0;
+    bool overwrite = false, json = false, csv = false, without_raw_taxels = false;
+    double seconds = 0, array_rate_Hz = 30;
     int flush_ms = 200;
 };
 
@@ -43,36 +45,6 @@ std::uint64_t wall_ns() {
     ::clock_gettime(CLOCK_REALTIME, &t);
     return std::uint64_t(t.tv_sec) * 1'000'000'000u + std::uint64_t(t.tv_nsec);
 }
-
-// Reads every record of one ring in order, from the newest on, and counts records that were overwritten before it
-// read them.
-class Tail {
-public:
-    Tail(const SegmentView& segment, const tactiled_ring& ring)
-        : base_(segment.base()), ring_(&ring), next_(tactiled_ring_head(base_, &ring)) {}
-
-    // Returns false if there is no further record now.
-    template <class Record>
-    bool next(Record& record) {
-        for (;;) {
-            const std::uint32_t head = tactiled_ring_head(base_, ring_);
-            if (head == next_) return false;
-            if (head - next_ > ring_->slots) {
-                lost_ += head - ring_->slots - next_;
-                next_ = head - ring_->slots;
-            }
-            if (tactiled_ring_read(base_, ring_, next_++, &record, sizeof record) != 0) return true;
-            ++lost_;
-        }
-    }
-    [[nodiscard]] std::uint64_t lost() const { return lost_; }
-
-private:
-    const char* base_;
-    const tactiled_ring* ring_;
-    std::uint32_t next_;
-    std::uint64_t lost_ = 0;
-};
 
 // Returns the configuration and every file that it names, as they are on the disk: first the configuration as
 // "tactiled.toml", then all of them under their own paths.
@@ -106,45 +78,24 @@ TextFiles::List configuration_files(const Segment& segment, const Args& args) {
 class Recording {
 public:
     Recording(const Segment& segment, const Args& args)
-        : segment_(segment), files_(configuration_files(segment, args)), file_(args.file, args.overwrite, args.compression) {
-        const std::string node = segment.header().name;
-        const auto of_frames =
-            file_.add_schema(std::string(mcap::kFrameSchema), "ros2msg", std::string(mcap::kFrameDefinition));
-        const auto of_samples = file_.add_schema(std::string(kSampleSchema), "ros2msg", std::string(kSampleDefinition));
-        const auto of_wrenches = file_.add_schema(std::string(kWrenchSchema), "ros2msg", std::string(kWrenchDefinition));
-        const auto of_qualities = file_.add_schema(std::string(kQualitySchema), "ros2msg", std::string(kQualityDefinition));
-        for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
-            const tactiled_link& link = segment.link(i);
-            links_.push_back({Tail(segment, link.frames),
-                              file_.add_channel(of_frames, fmt::format("/{}/link/{}/frames", node, link.name), "cdr",
-                                                {{std::string(mcap::kLinkKey), link.name},
-                                                 {"driver", link.driver},
-                                                 {"simulated", link.simulated != 0 ? "true" : "false"}})});
-        }
-        for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) {
-            const tactiled_sensor& sensor = segment.sensor(i);
-            bool simulated = false;
-            for (std::uint32_t l = 0; l < segment.n_links(); ++l)
-                simulated |= std::string_view(segment.link(l).name) == sensor.link && segment.link(l).simulated != 0;
-            const std::map<std::string, std::string> about{{std::string(kSensorKey), sensor.name},
-                                                           {"simulated", simulated ? "true" : "false"},
-                                                           {"link", sensor.link},
-                                                           {"model", sensor.model},
-                                                           {"method", sensor.method},
-                                                           {"serial", sensor.serial}};
-            const auto channel = [&](std::uint16_t schema, const char* what) {
-                return file_.add_channel(schema, fmt::format("/{}/{}/{}", node, sensor.name, what), "cdr", about);
-            };
-            sensors_.push_back({fmt::format("{}{}", sensor.name, simulated ? " (simulated)" : ""),
-                                Tail(segment, sensor.ring), channel(of_samples, "sample"), channel(of_wrenches, "wrench"),
-                                channel(of_qualities, "quality"),
-                                args.csv ? std::make_unique<ForcesWriter>(csv_path(args.file, sensor.name)) : nullptr});
-        }
+        : segment_(segment),
+          node_(segment.header().name),
+          files_(configuration_files(segment, args)),
+          file_(args.file, args.overwrite, args.compression) {
+        const auto schema = [&](std::string_view name, std::string_view definition) {
+            return file_.add_schema(std::string(name), "ros2msg", std::string(definition));
+        };
+        of_frames_ = schema(mcap::kFrameSchema, mcap::kFrameDefinition);
+        of_samples_ = schema(kSampleSchema, kSampleDefinition);
+        of_wrenches_ = schema(kWrenchSchema, kWrenchDefinition);
+        of_qualities_ = schema(kQualitySchema, kQualityDefinition);
+        for (std::uint32_t i = 0; i < segment.n_links(); ++i) add_link(i, !args.without_raw_taxels);
+        for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) add_sensor(i, args);
         if (segment.header().node.record_size > TACTILED_NODE_SIZE_1_6) {  // there is a [tool]
-            const auto of_tools = file_.add_schema(std::string(kToolSchema), "ros2msg", std::string(kToolDefinition));
-            tool_.emplace(ToolTail{fmt::format("{}/G", node), Tail(segment, segment.header().node),
-                                   file_.add_channel(of_tools, fmt::format("/{}/tool", node), "cdr", {}),
-                                   file_.add_channel(of_wrenches, fmt::format("/{}/tool/wrench", node), "cdr", {})});
+            const auto of_tools = schema(kToolSchema, kToolDefinition);
+            tool_.emplace(ToolTail{fmt::format("{}/G", node_), Tail(segment, segment.header().node),
+                                   file_.add_channel(of_tools, fmt::format("/{}/tool", node_), "cdr", {}),
+                                   file_.add_channel(of_wrenches_, fmt::format("/{}/tool/wrench", node_), "cdr", {})});
         }
         for (const auto& [name, bytes] : files_)
             file_.attach(name, name.ends_with(".toml") ? "application/toml" : "text/plain", bytes, wall_ns());
@@ -158,6 +109,7 @@ public:
         for (auto& link : links_)
             while (link.tail.next(shown)) {
                 read_published(shown, frame);
+                if (link.taxels) link.taxels->record(link.tail.number(), frame, wall(frame.t_ns));
                 mcap::encode_frame(frame, wall(frame.t_ns), message_);
                 file_.message(link.channel, frame.sequence, wall(frame.t_ns), message_);
             }
@@ -167,6 +119,7 @@ public:
             const auto age_bound_s = float(age_bound_ms(segment_, i) / 1000);
             while (sensor.tail.next(sample)) {
                 const auto number = std::uint32_t(sample.sequence);
+                if (sensor.array) sensor.array->record(sample, wall(sample.t_ns));
                 encode_sample(sample, wall(sample.t_ns), message_);
                 file_.message(sensor.samples, number, wall(sample.t_ns), message_);
                 // Every sample has a wrench, so that a plot has no gaps; a BAD one has no numbers.
@@ -194,20 +147,59 @@ public:
     void flush() { file_.flush(); }
     void close() {
         file_.close();
-        for (auto& sensor : sensors_)
+        for (auto& sensor : sensors_) {
             if (sensor.csv) sensor.csv->close();
+            if (sensor.array) sensor.array->close();
+        }
     }
 
     [[nodiscard]] std::uint64_t lost() const {
         std::uint64_t lost = 0;
-        for (const auto& link : links_) lost += link.tail.lost();
-        for (const auto& sensor : sensors_) lost += sensor.tail.lost();
+        for (const auto& link : links_) lost += link.tail.lost() + (link.taxels ? link.taxels->lost() : 0);
+        for (const auto& sensor : sensors_) lost += sensor.tail.lost() + (sensor.array ? sensor.array->lost() : 0);
         if (tool_) lost += tool_->tail.lost();
         return lost;
     }
     [[nodiscard]] const mcap::Writer& file() const { return file_; }
 
 private:
+    void add_link(std::uint32_t i, bool with_raw_taxels) {
+        const tactiled_link& link = segment_.link(i);
+        const auto channel = file_.add_channel(of_frames_, fmt::format("/{}/link/{}/frames", node_, link.name), "cdr",
+                                               {{std::string(mcap::kLinkKey), link.name},
+                                                {"driver", link.driver},
+                                                {"simulated", link.simulated != 0 ? "true" : "false"}});
+        links_.push_back({Tail(segment_, link.frames), channel, nullptr});
+        if (segment_.c()->taxels[i].slots != 0 && with_raw_taxels)
+            links_.back().taxels = std::make_unique<RecordedRawTaxels>(segment_, i, file_, array_schemas(), node_);
+    }
+    void add_sensor(std::uint32_t i, const Args& args) {
+        const tactiled_sensor& sensor = segment_.sensor(i);
+        bool simulated = false;
+        for (std::uint32_t l = 0; l < segment_.n_links(); ++l)
+            simulated |= std::string_view(segment_.link(l).name) == sensor.link && segment_.link(l).simulated != 0;
+        const std::map<std::string, std::string> about{{std::string(kSensorKey), sensor.name},
+                                                       {"simulated", simulated ? "true" : "false"},
+                                                       {"link", sensor.link},
+                                                       {"model", sensor.model},
+                                                       {"method", sensor.method},
+                                                       {"serial", sensor.serial}};
+        const auto channel = [&](std::uint16_t schema, const char* what) {
+            return file_.add_channel(schema, fmt::format("/{}/{}/{}", node_, sensor.name, what), "cdr", about);
+        };
+        sensors_.push_back({frame_id_of(sensor.name, simulated), Tail(segment_, sensor.ring), channel(of_samples_, "sample"),
+                            channel(of_wrenches_, "wrench"), channel(of_qualities_, "quality"),
+                            args.csv ? std::make_unique<ForcesWriter>(csv_path(args.file, sensor.name)) : nullptr, nullptr});
+        if (!segment_.has_array(i)) return;
+        const std::string csv = args.csv ? csv_path(args.file, fmt::format("{}.taxels", sensor.name)) : "";
+        sensors_.back().array = std::make_unique<RecordedArray>(
+            segment_, file_, array_schemas(),
+            RecordedArray::Setup{i, node_, sensors_.back().frame_id, about, args.array_rate_Hz, csv});
+    }
+    const ArraySchemas& array_schemas() {
+        if (!array_schemas_) array_schemas_.emplace(file_);
+        return *array_schemas_;
+    }
     [[nodiscard]] std::uint64_t wall(std::uint64_t t_ns) const { return t_ns + wall_from_monotonic_ns_; }
     // Returns the path of the CSV file: pick.mcap and sensor "left" give pick.left.csv.
     static std::string csv_path(const std::string& file, const std::string& sensor) {
@@ -218,12 +210,14 @@ private:
     struct LinkTail {
         Tail tail;
         std::uint16_t channel;
+        std::unique_ptr<RecordedRawTaxels> taxels;
     };
     struct SensorTail {
         std::string frame_id;
         Tail tail;
         std::uint16_t samples, wrenches, qualities;
         std::unique_ptr<ForcesWriter> csv;
+        std::unique_ptr<RecordedArray> array;
     };
     struct ToolTail {
         std::string frame_id;
@@ -232,10 +226,13 @@ private:
         std::tuple<std::uint64_t, std::uint32_t, std::uint32_t> last{};
     };
     const Segment& segment_;
+    std::string node_;
     TextFiles::List files_;  // read first: without a configuration that was named there is no recording
     mcap::Writer file_;
+    std::uint16_t of_frames_ = 0, of_samples_ = 0, of_wrenches_ = 0, of_qualities_ = 0;  // schemas
     std::vector<LinkTail> links_;
     std::vector<SensorTail> sensors_;
+    std::optional<ArraySchemas> array_schemas_;
     std::optional<ToolTail> tool_;
     std::uint64_t wall_from_monotonic_ns_ = 0;
     std::string message_;
@@ -298,7 +295,15 @@ Run add_record(Command verb) {
     verb.add_option("--compression", args->compression, "of the chunks: none, lz4 or zstd")
         .one_of({"none", "lz4", "zstd"})
         .show_default();
-    verb.add_flag("--csv", args->csv, "beside FILE.mcap the forces of each sensor, as FILE.SENSOR.csv");
+    verb.add_flag(
+        "--csv", args->csv,
+        "beside FILE.mcap the forces of each sensor, as FILE.SENSOR.csv, and its taxels, as FILE.SENSOR.taxels.csv");
+    verb.add_flag("--without-raw-taxels", args->without_raw_taxels,
+                  "leave out the raw numbers of arrays, which replay needs: 48 kB a frame for 4,096 taxels of three");
+    verb.add_option("--array-rate", args->array_rate_Hz,
+                    "maps of the taxels of an array per second, in the file and in its CSV; 0: none")
+        .number_in(0, 10'000)
+        .show_default();
     verb.add_option("--flush-ms", args->flush_ms,
                     "a chunk is written at least this often; the last one is lost if the program is killed, and more after "
                     "a power cut")

@@ -4,19 +4,21 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstring>
-#include <deque>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <utility>
 
 #include "config/text_file.hpp"
 #include "decoupling/csv.hpp"
+#include "decoupling/patch/patch.hpp"
 #include "drivers/mcap/frame_message.hpp"
-#include "drivers/mcap/message_file.hpp"
+#include "drivers/mcap/taxels_message.hpp"
+#include "node/ctl/array_message.hpp"
 #include "node/ctl/command_line.hpp"
+#include "node/ctl/published.hpp"
 #include "node/ctl/sample_message.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/setup.hpp"
@@ -32,8 +34,10 @@ struct Args {
 // Result of the comparison of one sensor's samples.
 struct Outcome {
     std::uint64_t frames = 0, compared = 0, equal = 0;
-    std::uint64_t raw_only = 0;    // equal samples that were compared before tare and filter
-    std::uint64_t without_sd = 0;  // compared samples whose sd depends on frames before the file
+    std::uint64_t raw_only = 0;            // equal samples that were compared before tare and filter
+    std::uint64_t without_sd = 0;          // compared samples whose sd depends on frames before the file
+    std::uint64_t arrays = 0, taxels = 0;  // compared samples whose array, and whose taxels, were compared
+    std::uint64_t without_taxels = 0;      // frames whose raw taxels the file lacks
     std::string first_difference;
 };
 
@@ -75,75 +79,6 @@ std::string difference(const tactiled_sample& was, const tactiled_sample& is, bo
     return "";
 }
 
-std::string name_of(const mcap::Channel& channel, std::string_view key) {
-    const auto found = channel.metadata.find(std::string(key));
-    return found == channel.metadata.end() ? "" : found->second;
-}
-
-void open_file(mcap::MessageFile& file, const std::string& path) {
-    if (const std::string wrong = file.open(path); !wrong.empty()) throw SetupError(wrong);
-}
-
-// The published samples, read from the file together with its frames.
-class Published {
-public:
-    // Bytes of the file that may be between a frame and its sample. The recorder writes both in one cycle or in two
-    // successive ones.
-    static constexpr std::uint64_t kMaxBetween = 32u << 20;
-
-    Published(const std::string& path, const Node& node) : node_(node), sensors_(node.plan.sensors.size()) {
-        open_file(file_, path);
-    }
-
-    // Returns the sample of a frame at about byte `frame_at`; nullopt if the file has none. Frames with the same
-    // timestamp are assigned by their order.
-    std::optional<tactiled_sample> of_frame(std::size_t i, std::uint64_t t_ns, std::uint64_t frame_at) {
-        auto& waiting = sensors_[i].waiting;
-        for (;;) {
-            while (!waiting.empty() && waiting.front().sample.t_ns < t_ns) waiting.pop_front();
-            if (!waiting.empty()) break;
-            if (file_.bytes_read() > frame_at + kMaxBetween || !read_on(frame_at)) return std::nullopt;
-        }
-        if (waiting.front().sample.t_ns != t_ns) return std::nullopt;
-        const tactiled_sample sample = waiting.front().sample;
-        waiting.pop_front();
-        return sample;
-    }
-    // True if no frame of the sensor arrived before the file began.
-    [[nodiscard]] bool from_the_start(std::size_t i) const { return sensors_[i].from_the_start; }
-
-private:
-    // Reads the file's next message. Returns false at its end. Drops samples that no frame has matched for long.
-    bool read_on(std::uint64_t frame_at) {
-        const auto message = file_.next();
-        if (!message) return false;
-        tactiled_sample sample;
-        if (message->channel->schema != kSampleSchema || !decode_sample(message->data, sample)) return true;
-        const std::string name = name_of(*message->channel, kSensorKey);
-        for (std::size_t i = 0; i < sensors_.size(); ++i) {
-            if (name != node_.plan.sensors[i].name) continue;
-            OfSensor& of = sensors_[i];
-            // Before the first frame there are at most three markers: no data yet, and the reason.
-            if (!std::exchange(of.any, true)) of.from_the_start = sample.sequence <= 2;
-            while (!of.waiting.empty() && of.waiting.front().at + kMaxBetween < frame_at) of.waiting.pop_front();
-            of.waiting.push_back({file_.bytes_read(), sample});
-        }
-        return true;
-    }
-
-    struct Waiting {
-        std::uint64_t at;  // approximate byte in the file
-        tactiled_sample sample;
-    };
-    struct OfSensor {
-        std::deque<Waiting> waiting;
-        bool any = false, from_the_start = false;
-    };
-    const Node& node_;
-    mcap::MessageFile file_;
-    std::vector<OfSensor> sensors_;
-};
-
 class Replayed {
 public:
     Replayed(Node& node, const Args& args) : node_(node), outcome_(node.sensors.size()) {
@@ -156,12 +91,18 @@ public:
         forces_ = std::make_unique<ForcesWriter>(args.out);
     }
 
-    // Processes a frame of a link at about byte `at` of the file; `published` has the sample of that time.
-    void frame(const std::string& link, const Frame& frame, std::uint64_t at, Published& published) {
+    // A frame of a link at about byte `at` of the file.
+    struct Input {
+        const Frame& frame;
+        Taxels taxels;
+        std::uint64_t wall_ns, at;
+    };
+    // Processes a frame; `published` has the sample of that time.
+    void frame(const std::string& link, const Input& input, Published& published) {
         for (const auto& each : node_.links) {
             if (each->name != link) continue;
             for (const auto& binding : each->bindings)
-                if (binding.device == frame.device) judge(binding.sensor, frame, at, published);
+                if (binding.device == input.frame.device) judge(binding.sensor, input, published);
         }
     }
     void finish() {
@@ -170,19 +111,27 @@ public:
     [[nodiscard]] const std::vector<Outcome>& outcome() const { return outcome_; }
 
 private:
-    void judge(std::size_t i, const Frame& frame, std::uint64_t at, Published& published) {
+    void judge(std::size_t i, const Input& input, Published& published) {
+        const Frame& frame = input.frame;
         Outcome& outcome = outcome_[i];
         ++outcome.frames;
-        const std::optional<tactiled_sample> was = published.of_frame(i, frame.t_ns, at);
+        Patch* const patch = node_.sensors[i].patch();
+        if (patch != nullptr && input.taxels.shape.size() == 0) {
+            ++outcome.without_taxels;
+            return;
+        }
+        const std::optional<Published::Sample> found = published.of_frame(i, frame.t_ns, input.at);
+        const tactiled_sample* const was = found ? &found->sample : nullptr;
         // A discontinuity between two frames that only the pipeline saw restarts the filter.
-        if (was && last_epoch_[i] != 0 && was->epoch != last_epoch_[i]) {
+        if (was != nullptr && last_epoch_[i] != 0 && was->epoch != last_epoch_[i]) {
             (void)node_.sensors[i].has_discontinuity(false, frame.t_ns);
             (void)node_.sensors[i].marker(frame.t_ns);
         }
-        const tactiled_sample is = node_.sensors[i].sample(frame, frame.t_ns);
+        const tactiled_sample is = node_.sensors[i].sample(frame, frame.t_ns, input.taxels);
+        const void* const record = patch != nullptr ? patch->record(is) : nullptr;
         if (int(i) == shown_)
             forces_->write(double(frame.t_ns) / 1e9, estimate_of(is), quality_text(is.quality, is.reasons));
-        if (!was) return;
+        if (was == nullptr) return;
         last_epoch_[i] = was->epoch;
         ++outcome.compared;
         // Free rests before the file, and those that a grasp did not permit, are not repeated here: they move the zero.
@@ -190,15 +139,45 @@ private:
         if (!from_the_start) ++outcome.without_sd;
         const bool raw_only = was->tare_count != 0 || !from_the_start;
         has_places_ |= std::isfinite(was->cop_S_m[0]) || std::isfinite(was->cop_S_m[1]);
-        const std::string what = difference(*was, is, raw_only, from_the_start, has_places_);
+        std::string what = difference(*was, is, raw_only, from_the_start, has_places_);
+        if (record != nullptr && what.empty()) what = array_difference(i, *found, is, record, input.wall_ns);
         if (what.empty() && raw_only) ++outcome.raw_only;
         if (what.empty())
             ++outcome.equal;
         else if (outcome.first_difference.empty())
             outcome.first_difference = fmt::format("sample {}: {}", was->sequence, what);
     }
+    // Returns "" or the part of the array that differs. A tare in force, whose readings are not in the file, moves the zero
+    // of each taxel.
+    std::string array_difference(std::size_t i, const Published::Sample& published, const tactiled_sample& is,
+                                 const void* record, std::uint64_t wall_ns) {
+        const tactiled_sample& was = published.sample;
+        const bool zero_lost = ((was.reasons | is.reasons) & (TACTILED_ZERO_UNKNOWN | TACTILED_STALE)) != 0;
+        if (was.tare_count != 0 || zero_lost || (was.quality == TACTILED_BAD) != (is.quality == TACTILED_BAD)) return "";
+        const auto& head = *static_cast<const tactiled_array*>(record);
+        if (!published.array.empty()) {
+            ++outcome_[i].arrays;
+            encode_array(head, wall_ns, message_);
+            if (message_ != published.array) return "array";
+        }
+        if (published.cloud.empty()) return "";
+        ++outcome_[i].taxels;
+        const tactiled_sensor& entry = node_.plan.sensors[i];
+        const auto n_forces = std::size_t(entry.n_taxels) * std::size_t(std::popcount(entry.taxel_components));
+        const auto* const force = reinterpret_cast<const float*>(&head + 1);
+        encode_cloud({.rows = entry.taxel_rows,
+                      .columns = entry.taxel_columns,
+                      .components = entry.taxel_components,
+                      .place_S = node_.plan.places[i],
+                      .force_S_N = force,
+                      .state = reinterpret_cast<const std::uint8_t*>(force + n_forces)},
+                     published.frame_id, wall_ns, message_);
+        return message_ == published.cloud ? "" : "taxels";
+    }
+
     Node& node_;
     std::vector<Outcome> outcome_;
+    std::string message_;
     std::array<std::uint32_t, TACTILED_MAX_SENSORS> last_epoch_{};
     int shown_ = -1;
     bool has_places_ = false;  // the recording has stated one
@@ -226,20 +205,42 @@ Node load(const Args& args) {
     return node;
 }
 
+void print(const char* sensor, const Outcome& o) {
+    fmt::print("{}: {} frames, {} samples compared{}{}, {} equal bit for bit{}{}\n", sensor, o.frames, o.compared,
+               o.arrays != 0 ? fmt::format(" with {} arrays and {} maps of taxels", o.arrays, o.taxels) : "",
+               o.without_sd != 0 ? fmt::format(" ({} of them without the sd)", o.without_sd) : "", o.equal,
+               o.raw_only != 0 ? fmt::format(" ({} of them before tare and filter)", o.raw_only) : "",
+               o.first_difference.empty() ? "" : "; first difference: " + o.first_difference);
+}
+
+// Processes all frames of the file and returns their number.
+std::uint64_t run(mcap::MessageFile& file, Replayed& replayed, Published& published) {
+    Frame frame;
+    mcap::RecordedTaxels raw;  // belongs to the next frame
+    std::string raw_link;      // "" = there are none
+    std::uint64_t frames = 0;
+    while (const auto message = file.next()) {
+        const std::string& schema = message->channel->schema;
+        const std::string link = metadata_of(*message->channel, mcap::kLinkKey);
+        if (schema == mcap::kTaxelsSchema) raw_link = mcap::decode_taxels(message->data, raw) ? link : "";
+        if (schema != mcap::kFrameSchema || !mcap::decode_frame(message->data, frame)) continue;
+        const bool has_taxels = raw_link == link && raw.t_ns == frame.t_ns;
+        const Taxels taxels = has_taxels ? Taxels{raw.shape, raw.value} : Taxels{};
+        replayed.frame(link, {frame, taxels, message->time_ns, file.bytes_read()}, published);
+        raw_link.clear();
+        ++frames;
+    }
+    replayed.finish();
+    return frames;
+}
+
 int replay(const Args& args) {
     mcap::MessageFile file;
-    open_file(file, args.file);
+    open_recording(file, args.file);
     Node node = load(args);
     Published published(args.file, node);
     Replayed replayed(node, args);
-    Frame frame;
-    std::uint64_t frames = 0;
-    while (const auto message = file.next())
-        if (message->channel->schema == mcap::kFrameSchema && mcap::decode_frame(message->data, frame)) {
-            replayed.frame(name_of(*message->channel, mcap::kLinkKey), frame, file.bytes_read(), published);
-            ++frames;
-        }
-    replayed.finish();
+    const std::uint64_t frames = run(file, replayed, published);
     const std::string why = file.why();
     if (frames == 0) throw SetupError(fmt::format("{}: {}", args.file, why.empty() ? "holds no frames" : why));
 
@@ -255,12 +256,14 @@ int replay(const Args& args) {
                            {"equal", o.equal},
                            {"before_tare_and_filter", o.raw_only},
                            {"without_sd", o.without_sd},
+                           {"arrays", o.arrays},
+                           {"taxels", o.taxels},
+                           {"without_taxels", o.without_taxels},
                            {"first_difference", o.first_difference}});
-        if (!args.json)
-            fmt::print("{}: {} frames, {} samples compared{}, {} equal bit for bit{}{}\n", name, o.frames, o.compared,
-                       o.without_sd != 0 ? fmt::format(" ({} of them without the sd)", o.without_sd) : "", o.equal,
-                       o.raw_only != 0 ? fmt::format(" ({} of them before tare and filter)", o.raw_only) : "",
-                       o.first_difference.empty() ? "" : "; first difference: " + o.first_difference);
+        if (!args.json) print(name, o);
+        if (o.without_taxels != 0)
+            fmt::print(stderr, "tactilectl: {}: {} frames were left out, because the recording lacks their raw taxels\n",
+                       name, o.without_taxels);
     }
     if (args.json) fmt::print("{}\n", nlohmann::json{{"schema", 1}, {"why", why}, {"sensors", sensors}}.dump());
     if (!why.empty()) fmt::print(stderr, "tactilectl: {}: {}\n", args.file, why);

@@ -18,6 +18,11 @@ extern const std::string_view kSampleDefinition, kWrenchDefinition, kQualityDefi
     kToolDefinition;                                      // in the format of ROS 2 message definitions
 inline constexpr std::string_view kSensorKey = "sensor";  // key of the sensor's name in the channel's metadata
 
+// Returns the frame_id of a sensor's messages.
+[[nodiscard]] inline std::string frame_id_of(const std::string& sensor, bool is_simulated) {
+    return is_simulated ? sensor + " (simulated)" : sensor;
+}
+
 // The attachment with the daemon's configuration; the next attachment is the same file under its own path.
 inline constexpr const char* kConfigName = "tactiled.toml";
 

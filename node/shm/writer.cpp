@@ -69,9 +69,20 @@ std::size_t array_slot_of(const tactiled_sensor& sensor) {
     return aligned(TACTILED_RECORD_OFFSET + tactiled_array_size(sensor.n_taxels, sensor.taxel_components));
 }
 
-// Returns the size of all arrays with their heads and places.
+// One power of two for all sensors of the link, because they share its ring of raw taxels.
+std::uint32_t taxel_slots_of(const SegmentPlan& plan, const tactiled_link& link) {
+    const auto sensors = std::ranges::count_if(
+        plan.sensors, [&](const tactiled_sensor& sensor) { return std::string_view(sensor.link) == link.name; });
+    return plan.array_history * std::bit_ceil(std::max(1u, unsigned(sensors)));
+}
+
+// Returns the size of all arrays and raw taxels, with the heads of their rings and the places.
 std::size_t arrays_size_of(const SegmentPlan& plan) {
     std::size_t size = 0;
+    for (const tactiled_link& link : plan.links)
+        if (link.taxels.record_size > 0)
+            size +=
+                std::size_t(aligned(TACTILED_RECORD_OFFSET + link.taxels.record_size)) * taxel_slots_of(plan, link) + kAlign;
     for (const tactiled_sensor& sensor : plan.sensors)
         if (sensor.n_taxels > 0)
             size += array_slot_of(sensor) * plan.array_history + kAlign + aligned(6 * sizeof(float) * sensor.n_taxels);
@@ -267,6 +278,8 @@ void SegmentWriter::lay_out(const SegmentPlan& plan, std::uint32_t epoch) {
     for (std::size_t i = 0; i < plan.links.size(); ++i) {
         links[i] = plan.links[i];
         links[i].frames = ring(sizeof(tactiled_frame), frames_of(plan));
+        if (const std::uint32_t size = plan.links[i].taxels.record_size; size > 0)
+            links[i].taxels = ring(size, taxel_slots_of(plan, plan.links[i]));
     }
     assert(at == size_);
     set_state(TACTILED_STARTING);
@@ -285,6 +298,12 @@ void SegmentWriter::publish(std::uint32_t index, const tactiled_sample& sample, 
 void SegmentWriter::publish_array(std::uint32_t index, std::uint64_t sequence, const void* record) noexcept {
     const auto& sensor = reinterpret_cast<const tactiled_sensor*>(base_ + header().sensor_offset)[index];
     publish_record(base_, sensor.arrays, sequence, record, sensor.arrays.record_size);
+}
+
+void SegmentWriter::publish_taxels(std::uint32_t index, std::uint64_t number,
+                                   std::span<const std::uint64_t> record) noexcept {
+    const auto& link = reinterpret_cast<const tactiled_link*>(base_ + header().link_offset)[index];
+    publish_record(base_, link.taxels, number, record.data(), record.size_bytes());
 }
 
 void SegmentWriter::publish(std::uint32_t index, std::uint64_t number, const Frame& frame) noexcept {

@@ -24,13 +24,14 @@ struct SegmentPlan {
     std::uint32_t watchdog_ms = 250;
     // slots per sensor, a power of two; 0: the maximum up to 1024 with which the segment has at most 1 MB
     std::uint32_t history = 0;
-    std::uint32_t array_history = 128;  // slots of the arrays of a sensor, a power of two
+    // slots of the arrays of a sensor, and of the raw taxels of a link for each of its sensors; a power of two
+    std::uint32_t array_history = 128;
     std::uint32_t calibration_id = 0;
     bool tool = false;  // the node records have a tool
     std::vector<tactiled_sensor> sensors;
     // for each sensor with n_taxels: place, m, and normal of each taxel, six numbers
     std::vector<std::vector<float>> places;
-    std::vector<tactiled_link> links;
+    std::vector<tactiled_link> links;  // taxels.record_size: bytes of the raw taxels of a frame, 0 = none
 };
 
 // The file tactiled.NAME in runtime_folder(). The file of an earlier daemon is replaced if its lock is free.
@@ -56,6 +57,10 @@ public:
     // sample.
     // rt: wait-free, linear in the size
     void publish_array(std::uint32_t index, std::uint64_t sequence, const void* record) noexcept;
+    // Publishes the raw taxels of frame `number` of link `index`, before the frame. `record`: struct tactiled_taxels and
+    // what follows it.
+    // rt: wait-free, linear in the size
+    void publish_taxels(std::uint32_t index, std::uint64_t number, std::span<const std::uint64_t> record) noexcept;
     // Publishes the next frame of link `index`, number `number` from 0. rt: wait-free
     void publish(std::uint32_t index, std::uint64_t number, const Frame& frame) noexcept;
     // Publishes the next node record, after the samples that the record counts. rt: wait-free

@@ -612,8 +612,11 @@ enum tactiled_link_state { TACTILED_LINK_CLOSED = 0, TACTILED_LINK_OPEN = 1 };
 struct tactiled_link {
     TACTILED_ALIGN(128) char name[TACTILED_NAME_SIZE];
     char driver[TACTILED_NAME_SIZE];
-    uint32_t simulated;                   /* 1 if the configuration declares the link as simulated */
-    struct tactiled_ring frames;          /* records are struct tactiled_frame; since 1.2: no slots with an older daemon */
+    uint32_t simulated;          /* 1 if the configuration declares the link as simulated */
+    struct tactiled_ring frames; /* records are struct tactiled_frame; since 1.2: no slots with an older daemon */
+    /* Since 1.9: records are struct tactiled_taxels and what follows it, number n that of frame n; no slots: no array.
+     * An older daemon leaves these bytes undefined: use tactiled_segment.taxels of reader.h. */
+    struct tactiled_ring taxels;
     TACTILED_ALIGN(128) uint32_t state;   /* enum tactiled_link_state; changes */
     uint32_t count[TACTILED_LINK_COUNTS]; /* changes */
 };
@@ -633,6 +636,17 @@ struct tactiled_frame {
     uint32_t reserved;
     TACTILED_ALIGN(8) double channel[TACTILED_MAX_CHANNELS]; /* raw values; the entries from n_channels on are undefined */
 };
+
+/* The raw values of the taxels of a frame, which has no channels then. It serves recording. float value[n_values][n_taxels]
+ * follows, in the wiring order of the device; NaN = missing, infinite = saturated. Since 1.9. */
+struct tactiled_taxels {
+    uint16_t n_taxels, n_values; /* 0: the frame has no taxels */
+    uint32_t reserved;
+};
+/* Bytes of such a record with so many numbers, a multiple of 8. */
+static inline uint32_t tactiled_taxels_size(uint32_t n_numbers) {
+    return ((uint32_t)sizeof(struct tactiled_taxels) + 4 * n_numbers + 7) & ~7u;
+}
 
 enum tactiled_state {
     TACTILED_STARTING = 1,
@@ -704,6 +718,7 @@ TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 592);
 TACTILED_ASSERT(sizeof(struct tactiled_array) == 304);
 TACTILED_ASSERT(sizeof(struct tactiled_link) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_frame) == 296);
+TACTILED_ASSERT(sizeof(struct tactiled_taxels) == 8);
 TACTILED_ASSERT(sizeof(struct tactiled_header) == 512);
 
 /* ---- Reading

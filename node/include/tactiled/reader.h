@@ -65,8 +65,9 @@ struct tactiled_segment {
     uint32_t stale_ms[TACTILED_MAX_SENSORS];
     struct tactiled_ring node, ring[TACTILED_MAX_SENSORS];
     struct tactiled_array_plan array[TACTILED_MAX_SENSORS];
-    char folder[TACTILED_FOLDER_SIZE]; /* the folder of the segment */
-    char why[320];                     /* the reason if the segment is not open; else a warning or "" */
+    struct tactiled_ring taxels[TACTILED_MAX_LINKS]; /* raw values of a link's arrays; no slots: none, or before 1.9 */
+    char folder[TACTILED_FOLDER_SIZE];               /* the folder of the segment */
+    char why[320];                                   /* the reason if the segment is not open; else a warning or "" */
 };
 
 static inline const struct tactiled_header* tactiled_header_of(const struct tactiled_segment* segment) {
@@ -226,6 +227,11 @@ static inline int tactiled_check(struct tactiled_segment* segment, const char* f
     for (i = 0; wrong == NULL && i < h->n_links; ++i) {
         const struct tactiled_link* link = tactiled_link_of(segment, i);
         if (link->frames.slots != 0 && !tactiled_ring_fits(segment, &link->frames)) wrong = "a link's ring lies outside";
+        memset(&segment->taxels[i], 0, sizeof segment->taxels[i]);
+        if (h->minor >= 9) segment->taxels[i] = link->taxels;
+        if (segment->taxels[i].slots != 0 && (!tactiled_ring_fits(segment, &segment->taxels[i]) ||
+                                              segment->taxels[i].record_size < sizeof(struct tactiled_taxels)))
+            wrong = "a link's taxels lie outside";
         if (!tactiled_names_end(link->name, 2, TACTILED_NAME_SIZE)) wrong = "a name of a link has no end";
     }
     if (wrong != NULL) snprintf(segment->why, sizeof segment->why, "%s/%s: %s", segment->folder, file, wrong);

@@ -38,6 +38,28 @@ def records(data, at=0):
         at += 9 + size
 
 
+def messages(path):
+    """Returns (topic, sequence, data) of each message, in the order of the file, which may be cut."""
+    data, topics = pathlib.Path(path).read_bytes(), {}
+    try:
+        for _, op, content in records(data, len(MAGIC)):
+            f = Fields(content)
+            if op == 0x04:
+                number = f.number("H")
+                f.number("H")
+                topics[number] = f.text()
+            elif op == 0x06:
+                f.take(28)
+                kind = f.text()
+                for _, _, message in records(EXPAND[kind](f.take(f.number("Q")))):
+                    channel, sequence = struct.unpack_from("<HI", message)
+                    yield topics[channel], sequence, message[22:]
+            elif op == 0x0F:  # the end of the data; the index has the channels once more
+                return
+    except AssertionError:
+        return
+
+
 def read(path):
     data = pathlib.Path(path).read_bytes()
     assert data.startswith(MAGIC) and data.endswith(MAGIC)

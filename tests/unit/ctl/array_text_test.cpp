@@ -205,7 +205,9 @@ TEST_F(ArrayTextTest, ThePressIsAlongTheNormal) {
     EXPECT_EQ(object["fx_N"], nlohmann::json::parse("[-1.0,3.0]"));
     EXPECT_EQ(object["fz_N"], nlohmann::json::parse("[-2.0,-4.0]"));
     EXPECT_FALSE(object.contains("fy_N"));
-    EXPECT_NE(array_csv(segment_, 0, array).find(",0,0,0,0,-1,,-2,,\"good\"\n"), std::string::npos);
+    std::string rows;
+    append_array_csv(segment_, 0, array, rows);
+    EXPECT_NE(rows.find(",0,0,0,0,-1,,-2,,\"good\"\n"), std::string::npos) << rows;
 }
 
 TEST_F(ArrayTextTest, TheTableHasARowOfTheGridInEachLine) {

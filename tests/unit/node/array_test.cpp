@@ -72,6 +72,7 @@ protected:
         plan_.array_history = 8;
         plan_.sensors.resize(1);
         plan_.links.resize(1);
+        plan_.links[0].taxels.record_size = tactiled_taxels_size(36);
         plan_.sensors[0].stale_ms = 10'000;
         plan_.sensors[0].n_taxels = 12;
         plan_.sensors[0].taxel_components = 7;
@@ -123,6 +124,27 @@ TEST_F(ArrayTest, EachSampleHasTheArrayOfItsNumber) {
     ASSERT_TRUE(reader_.array_of(0, sample, before));
     EXPECT_NEAR(before.force_S_N(5)[2], -2, 1e-5);
     EXPECT_EQ(before.states()[5], 0);
+}
+
+TEST_F(ArrayTest, TheRawTaxelsOfEachFrameHaveItsNumber) {
+    for (int k = 1; k <= 3; ++k) send(k);
+    send(0, false);
+    turn();
+    const tactiled_ring ring = reader_.c()->taxels[0];
+    ASSERT_EQ(ring.slots, 8u);
+    ASSERT_EQ(ring.record_size, 8u + 36 * 4);
+    ASSERT_EQ(tactiled_ring_head(reader_.base(), &ring), 4u);
+    struct {
+        tactiled_taxels head;
+        float value[36];
+    } raw;
+    for (std::uint32_t number = 0; number < 3; ++number) {
+        ASSERT_TRUE(tactiled_ring_read(reader_.base(), &ring, number, &raw, sizeof raw)) << number;
+        EXPECT_EQ(std::pair(raw.head.n_taxels, raw.head.n_values), (std::pair<std::uint16_t, std::uint16_t>(12, 3)));
+        for (std::uint32_t k = 0; k < 36; ++k) EXPECT_EQ(raw.value[k], k == 24 + 5 ? 1000.f * float(number + 1) : 0.f);
+    }
+    ASSERT_TRUE(tactiled_ring_read(reader_.base(), &ring, 3, &raw, sizeof raw));
+    EXPECT_EQ(raw.head.n_taxels, 0);
 }
 
 TEST_F(ArrayTest, TheArrayOfADisconnectedSensorHasNoForces) {

@@ -390,6 +390,8 @@ TEST_F(SegmentTest, ALinkWhoseRingLiesOutsideAndANameWithoutAnEndAreRefused) {
     const std::string name(TACTILED_NAME_SIZE, 'x');
     EXPECT_NE(why(header.link_offset + offsetof(tactiled_link, frames), "\x80\xFF\xFF\x7F").find("a link's ring"),
               std::string::npos);
+    EXPECT_NE(why(header.link_offset + offsetof(tactiled_link, taxels) + 8, "\x10").find("a link's taxels"),
+              std::string::npos);
     EXPECT_NE(why(header.link_offset, name).find("a name of a link"), std::string::npos);
     EXPECT_NE(why(header.sensor_offset + offsetof(tactiled_sensor, link), name).find("a name of a sensor"),
               std::string::npos);

@@ -87,6 +87,19 @@ TEST_F(SegmentVersions, ThePlaceOfASampleHasAnSdAndNoneFromAnOlderDaemon) {
     EXPECT_TRUE(std::isnan(seen.cop_sd_m[0]));
 }
 
+TEST_F(SegmentVersions, ADaemonBefore19HasNoRawTaxels) {
+    SegmentPlan with_taxels = plan();
+    with_taxels.links.resize(1);
+    with_taxels.links[0].taxels.record_size = tactiled_taxels_size(12);
+    SegmentWriter writer(with_taxels);
+    EXPECT_EQ(Segment::open(name_).c()->taxels[0].slots, 128u);
+    const int fd = ::open(path_.c_str(), O_RDWR);
+    const std::uint16_t minor = 8;
+    ASSERT_EQ(::pwrite(fd, &minor, sizeof minor, offsetof(tactiled_header, minor)), ssize_t(sizeof minor));
+    ::close(fd);
+    EXPECT_EQ(Segment::open(name_).c()->taxels[0].slots, 0u);
+}
+
 TEST_F(SegmentVersions, AGraspIsReadAsItWasWritten) {
     const auto writer = alive();
     publish(*writer);
