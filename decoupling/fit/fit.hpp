@@ -154,8 +154,8 @@ struct FitEntry {
 const FitEntry* find_fit(std::string_view model, std::string_view method);
 // Returns the fit of an array of that model, nullptr if it is no array. setup
 const FitEntry* find_array_fit(std::string_view model);
-// Returns the fits of one model, if it has channels, in the order of its methods; the first is the default. all_fits(): of all models,
-// these in alphabetical order. setup
+// Returns the fits of one model, if it has channels, in the order of its methods; the first is the default. all_fits(): of
+// all models, these in alphabetical order. setup
 std::vector<const FitEntry*> fits_of(std::string_view model);
 std::vector<const FitEntry*> all_fits();
 // Returns the fault of the list: two fits of one name, or a fit without a method; "" if there is none. Checked by fit().

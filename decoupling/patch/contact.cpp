@@ -69,7 +69,7 @@ void Contact::find(TaxelForces& forces, const TaxelForces& zero, const std::vect
     const auto peak = std::size_t(std::max_element(press_.begin(), press_.end()) - press_.begin());
     array.peak_taxel = std::uint32_t(peak);
     array.peak_N = press_[peak];
-    array.peak_sd_N = std::hypot(noise_.sd[2], noise_.gain * press_[peak]);
+    array.peak_sd_N = std::hypot(noise_.sd[2], noise_.gain[peak] * press_[peak]);
     find_region();
     use_variances(out);
     add_doubts(forces);
@@ -107,7 +107,7 @@ void Contact::find_region() noexcept {
 void Contact::add_term(std::size_t i) noexcept {
     const std::array<const float*, 3> r{places_.x.data(), places_.y.data(), places_.z.data()};
     const TaxelPlaces::Neighbours& beside = places_.neighbours[i];
-    const double p = double(press_[i]), of_gain = double(noise_.gain) * p;
+    const double p = double(press_[i]), of_gain = double(noise_.gain[i]) * p;
     Term term{i, p, double(noise_.sd[2]) * double(noise_.sd[2]) + of_gain * of_gain, {}};
     for (std::size_t c = 0; c < 3; ++c) {
         double largest = 0, least = kLargest;

@@ -70,7 +70,7 @@ private:
     void put_axis(tactiled_array& array) const noexcept;
 
     const TaxelPlaces& places_;
-    TaxelNoise noise_;
+    const TaxelNoise& noise_;
     float z_, limit_N_;
     Doubts doubts_;
     std::vector<float> press_;

@@ -1,7 +1,7 @@
 // Taxels whose press contradicts that of their neighbours: weak, stuck, exchanged or shifted ones, which nobody declared.
 //
 // The press of one body is log-concave: that of a punch, of an edge and of Hertz, and its mean over a taxel as well (the
-// product of two such functions, summed over a convex set, is one). So it has no valley: along a line of taxels none is
+// product of two such functions, summed over a convex set, is one). It has no valley: along a line of taxels none is
 // below both of those beside it. A ring, or two bodies that are one taxel apart, do have one.
 //
 // Upwards there is a limit only if the calibration states the narrowest contact, 2 a. The largest share of one taxel is then
@@ -28,12 +28,14 @@ public:
                                       std::size_t i) const noexcept;
 
 private:
-    [[nodiscard]] float variance(float press) const noexcept {
-        return noise_.sd[2] * noise_.sd[2] + noise_.gain * noise_.gain * press * press;
+    // Variance of the force of taxel i under this press, N^2.
+    [[nodiscard]] float variance(std::size_t i, float press) const noexcept {
+        const float of_gain = noise_.gain[i] * press;
+        return noise_.sd[2] * noise_.sd[2] + of_gain * of_gain;
     }
 
     const TaxelPlaces& places_;
-    TaxelNoise noise_;
+    const TaxelNoise& noise_;
     float z2_, most_above_;  // 0 = any
 };
 

@@ -24,7 +24,7 @@ namespace tactiled {
 // The forces of n taxels, N: component c is component[c], empty if it is not measured.
 struct TaxelForces {
     std::array<std::vector<float>, 3> component;
-    std::array<std::vector<float>, 3> sd;  // of each component, where taxels have models; 0 without a force of their own
+    std::array<std::vector<float>, 3> sd;  // like component, where taxels have models; 0 without a force of their own
     std::vector<std::uint8_t> state;       // enum tactiled_taxel_state
 };
 

@@ -39,8 +39,8 @@ public:
 private:
     [[nodiscard]] std::string add(const Calibration& array, const Calibration& taxel);
 
-    std::vector<std::unique_ptr<Decoupler>> models_;  // of each taxel
-    std::vector<double> zero_;  // of the calibrations, channel_unit: of all values of a taxel, side by side
+    std::vector<std::unique_ptr<Decoupler>> models_;  // one for each taxel
+    std::vector<double> zero_;  // in channel_unit, from the calibrations: all values of a taxel side by side
     bool is_common_ = false, sees_shear_ = true;
     std::array<float, 3> sd_at_rest_{};
     float gain_sd_ = 0;
