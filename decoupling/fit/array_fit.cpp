@@ -7,9 +7,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <map>
 #include <utility>
 
+#include "decoupling/fit/array_survey.hpp"
 #include "decoupling/fit/fit.hpp"
+#include "decoupling/fit/least_squares.hpp"
 #include "decoupling/fit/taxel_gains.hpp"
 #include "decoupling/patch/patch.hpp"
 #include "decoupling/solve/domain.hpp"
@@ -42,7 +45,7 @@ public:
         if (places_.pitch_m[0] > 0) gains_.spread[GainEquations::kPlace] = 0.2 * double(places_.pitch_m[0]);
     }
     ArrayReport run() {
-        find_dead();
+        survey_ = survey(presses_, places_, request_.start);
         check_coverage();
         start_matrix();
         for (int round = 0; round < kRounds; ++round) {
@@ -54,11 +57,11 @@ public:
     }
 
 private:
-    // Force of component c in S per unit of value v of taxel i, before its gain.
+    // Force of component c in S per unit of value v of taxel i, with its gain before the fit.
     [[nodiscard]] double coefficient(std::size_t i, std::size_t c, std::size_t v) const {
         double sum = 0;
         for (std::size_t k = 0; k < matrix_.size(); ++k) sum += turned(i, c, k) * matrix_[k][v];
-        return sum;
+        return first_gain(i) * sum;
     }
     // Part of row k of the matrix in component c.
     [[nodiscard]] double turned(std::size_t i, std::size_t c, std::size_t k) const {
@@ -72,26 +75,22 @@ private:
         const auto table = request_.start.tables.find("gain");
         return table == request_.start.tables.end() ? 1 : table->second.at(0).at(i);
     }
-    [[nodiscard]] double enclosed(const PressStep& step, std::size_t v, std::size_t i, const std::vector<int>& at) const;
-    [[nodiscard]] bool are_opposite(std::size_t i, std::size_t j, std::size_t k) const;
-    [[nodiscard]] bool is_contact(const PressStep& step, std::size_t v, std::size_t i, double value) const;
-    void find_dead();
-    void leave_out_dead();
     void check_coverage();
     void start_matrix();
     bool fit_matrix();
-    [[nodiscard]] double within_taxels(const PressStep& step, std::size_t axis) const;
+    [[nodiscard]] double noise(const PressStep& step, std::size_t i, std::size_t c) const;
+    template <class Arm>
+    void add_step(std::size_t s, std::size_t c, Arm arm, EquationMaker& out) const;
     [[nodiscard]] GainEquations equations() const;
     void put_taxels(ArrayReport& report) const;
     void put_calibration(ArrayReport& report) const;
     void put_rest(ArrayReport& report) const;
-    [[nodiscard]] double gain_sd_of_presses() const;
     [[nodiscard]] ArrayReport report() const;
 
     const ArrayRequest& request_;
     TaxelPlaces places_;
     Presses presses_;
-    std::vector<std::uint8_t> dead_, loaded_;
+    TaxelSurvey survey_;
     NumberRows matrix_;
     bool matrix_is_fitted_ = false;
     double scale_ = 1;  // factor of a stated matrix
@@ -99,93 +98,8 @@ private:
     TaxelGains gains_{0};
 };
 
-// The least of two opposite neighbours' values, 0 unless both are in contact: a body that is not hollow presses at least so
-// much on the taxel between them.
-double ArrayFit::enclosed(const PressStep& step, std::size_t v, std::size_t i, const std::vector<int>& at) const {
-    const TaxelPlaces::Neighbours& beside = places_.neighbours[i];
-    double largest = 0;
-    for (std::size_t a = 0; a < beside.n; ++a)
-        for (std::size_t b = 0; b < a; ++b) {
-            const std::size_t j = beside.of[a], k = beside.of[b];
-            if (at[j] < 0 || at[k] < 0 || !are_opposite(i, j, k)) continue;
-            const auto of_j = double(step.value[v][std::size_t(at[j])]), of_k = double(step.value[v][std::size_t(at[k])]);
-            if (!is_contact(step, v, j, of_j) || !is_contact(step, v, k, of_k) || of_j * of_k < 0) continue;
-            const double least = std::abs(of_j) < std::abs(of_k) ? of_j : of_k;
-            if (std::abs(least) > std::abs(largest)) largest = least;
-        }
-    return largest;
-}
-
-bool ArrayFit::are_opposite(std::size_t i, std::size_t j, std::size_t k) const {
-    double product = 0, of_j = 0, of_k = 0;
-    for (const auto* r : {&places_.x, &places_.y, &places_.z}) {
-        const double a = double((*r)[j] - (*r)[i]), b = double((*r)[k] - (*r)[i]);
-        product += a * b, of_j += a * a, of_k += b * b;
-    }
-    return product < -0.87 * std::sqrt(of_j * of_k);  // the angle between them is at least 150 degrees
-}
-
-bool ArrayFit::is_contact(const PressStep& step, std::size_t v, std::size_t i, double value) const {
-    const double sd = presses_.noise[v][i] * std::sqrt(1. / step.rows + 1. / presses_.rest_rows);
-    return std::abs(value) > contact_level(places_.n * presses_.channels.size()) * sd;
-}
-
-// A taxel is dead if its response to the presses that enclose it cannot be distinguished from 0, and that of a good one, 1
-// or more, could be by twice as much.
-void ArrayFit::find_dead() {
-    const std::size_t n = places_.n, values = presses_.channels.size();
-    const double level = contact_level(n);
-    std::vector<double> width2(values, 0), product(n, 0), square(n, 0), noise2(n, 0);
-    for (std::size_t v = 0; v < values; ++v) {
-        for (const double x : presses_.noise[v]) width2[v] += x * x / double(n);
-        if (!(width2[v] > 0)) width2[v] = 1;
-    }
-    loaded_.assign(n, 0);
-    std::vector<int> at(n, -1);
-    for (const PressStep& step : presses_.steps) {
-        for (std::size_t k = 0; k < step.taxel.size(); ++k) at[step.taxel[k]] = int(k);
-        for (std::size_t k = 0; k < step.taxel.size(); ++k)
-            for (std::size_t v = 0; v < values; ++v) {
-                const std::size_t i = step.taxel[k];
-                const auto value = double(step.value[v][k]);
-                const double expected = enclosed(step, v, i, at);
-                if (expected != 0 || is_contact(step, v, i, value)) loaded_[i] = 1;
-                product[i] += value * expected / width2[v];
-                square[i] += expected * expected / width2[v];
-                noise2[i] +=
-                    std::pow(expected * presses_.noise[v][i] / width2[v], 2) * (1. / step.rows + 1. / presses_.rest_rows);
-            }
-        for (const std::size_t i : step.taxel) at[i] = -1;
-    }
-    dead_ = presses_.is_missing;
-    if (const auto stated = request_.start.tables.find("dead"); stated != request_.start.tables.end())
-        for (const double i : stated->second.at(0))
-            if (i >= 0 && i < double(n)) dead_[std::size_t(i)] = 1;
-    for (std::size_t i = 0; i < n; ++i)
-        if (square[i] > 0 && std::abs(product[i]) <= level * std::sqrt(noise2[i]) &&
-            2 * level * std::sqrt(noise2[i]) < square[i])
-            dead_[i] = 1;
-    leave_out_dead();
-}
-
-// Leaves out the steps that press on a dead taxel: what it carries is missing in the sum.
-void ArrayFit::leave_out_dead() {
-    std::erase_if(presses_.steps, [&](const PressStep& step) {
-        for (std::size_t k = 0; k < step.taxel.size(); ++k) {
-            const std::size_t i = step.taxel[k];
-            for (std::size_t v = 0; v < step.value.size(); ++v) {
-                if (dead_[i] != 0 || !is_contact(step, v, i, double(step.value[v][k]))) continue;
-                for (std::size_t b = 0; b < places_.neighbours[i].n; ++b)
-                    if (dead_[places_.neighbours[i].of[b]] != 0) return true;
-            }
-        }
-        return false;
-    });
-    if (presses_.steps.empty()) throw Undetermined(request_.in + ": every press is on a dead taxel");
-}
-
 void ArrayFit::check_coverage() {
-    const auto count = std::size_t(std::count(loaded_.begin(), loaded_.end(), 1));
+    const auto count = std::size_t(std::ranges::count(survey_.is_loaded, 1));
     if (2 * count < places_.n)
         throw Undetermined(fmt::format("{}: the presses load {} of {} taxels; record presses all over the array",
                                        request_.in, count, places_.n));
@@ -220,13 +134,14 @@ bool ArrayFit::fit_matrix() {
     for (const PressStep& step : presses_.steps)
         mean_fz2 += step.force_N[2] * step.force_N[2] / double(presses_.steps.size());
     int n = 0;
-    for (const PressStep& step : presses_.steps)
+    for (std::size_t s = 0; s < presses_.steps.size(); ++s)
         for (std::size_t c = 0; c < 3; ++c) {
-            if (!is_used(step, c)) continue;
+            const PressStep& step = presses_.steps[s];
+            if (!is_used(step, c) || !survey_.dead_of[s].empty()) continue;
             Eigen::VectorXd x = Eigen::VectorXd::Zero(unknowns);
             for (std::size_t k = 0; k < step.taxel.size(); ++k) {
                 const std::size_t i = step.taxel[k];
-                if (dead_[i] != 0) continue;
+                if (survey_.is_dead[i] != 0) continue;
                 const double gain = first_gain(i) * gains_.gain[Eigen::Index(i)];
                 for (Eigen::Index u = 0; u < unknowns; ++u)
                     x[u] += gain * turned(i, c, std::size_t(u) / values) * double(step.value[std::size_t(u) % values][k]);
@@ -259,79 +174,70 @@ bool ArrayFit::fit_matrix() {
     return matrix_is_fitted_ = is_determined;
 }
 
-// Variance of the moment from the unknown places of the press within the taxels (decoupling/patch/contact.hpp), along x or
-// y.
-double ArrayFit::within_taxels(const PressStep& step, std::size_t axis) const {
-    const std::vector<float>& r = axis == 0 ? places_.x : places_.y;
-    std::vector<double> force(places_.n, 0);
-    for (std::size_t k = 0; k < step.taxel.size(); ++k)
-        for (std::size_t u = 0; u < step.value.size(); ++u)
-            force[step.taxel[k]] += first_gain(step.taxel[k]) * gains_.gain[Eigen::Index(step.taxel[k])] *
-                                    coefficient(step.taxel[k], 2, u) * double(step.value[u][k]);
-    const auto pitch_m = double(places_.pitch_m[axis]);
-    double sum = 0;
-    for (const std::size_t i : step.taxel) {
-        std::array<double, 2> beside{};
-        for (std::size_t b = 0; b < places_.neighbours[i].n; ++b) {
-            const std::size_t j = places_.neighbours[i].of[b];
-            const double along = double(r[j] - r[i]);
-            if (std::abs(along) > 0.5 * pitch_m) beside[along > 0 ? 1 : 0] = force[j];
-        }
-        const double excess = force[i] - (beside[0] + beside[1]) / 2, difference = beside[1] - beside[0];
-        sum += excess * excess / 12 + difference * difference / 720;
-    }
-    return sum * pitch_m * pitch_m;
+// Variance of the noise of the force of component c of taxel i in a step, before the gains.
+double ArrayFit::noise(const PressStep& step, std::size_t i, std::size_t c) const {
+    double variance = 0;
+    for (std::size_t u = 0; u < step.value.size(); ++u) variance += std::pow(coefficient(i, c, u) * presses_.noise[u][i], 2);
+    return variance * presses_.noise_part(step);
 }
 
-GainEquations ArrayFit::equations() const {
-    GainEquations out;
-    std::vector<Eigen::Triplet<double>> b, v;
-    std::vector<double> y, scale, within;
-    // Adds an equation in which taxel k of the step has its force of component c times arm(k).
-    const auto add = [&](const PressStep& step, std::size_t kind, std::size_t c, double right, double size, auto arm) {
-        for (std::size_t k = 0; k < step.taxel.size(); ++k) {
-            const std::size_t i = step.taxel[k];
-            if (dead_[i] != 0) continue;
-            double force = 0, variance = 0;
-            for (std::size_t u = 0; u < step.value.size(); ++u) {
-                const double q = arm(i) * first_gain(i) * coefficient(i, c, u);
-                force += q * double(step.value[u][k]);
-                variance += q * q * std::pow(presses_.noise[u][i], 2) * (1. / step.rows + 1. / presses_.rest_rows);
-            }
-            b.emplace_back(int(y.size()), int(i), force);
-            v.emplace_back(int(y.size()), int(i), variance);
+// Adds component c of step s to an equation, each taxel times arm(taxel). A dead taxel has the mean force of its neighbours,
+// and an error that is as large, or as large as what they have without a contact.
+template <class Arm>
+void ArrayFit::add_step(std::size_t s, std::size_t c, Arm arm, EquationMaker& out) const {
+    const PressStep& step = presses_.steps[s];
+    std::vector<double> force(places_.n, 0);
+    for (std::size_t k = 0; k < step.taxel.size(); ++k) {
+        const std::size_t i = step.taxel[k];
+        if (survey_.is_dead[i] != 0) continue;
+        for (std::size_t u = 0; u < step.value.size(); ++u) force[i] += coefficient(i, c, u) * double(step.value[u][k]);
+        out.add_taxel(i, arm(i) * force[i], arm(i) * arm(i) * noise(step, i, c));
+    }
+    const double level = contact_level(places_.n * presses_.channels.size());
+    for (const std::size_t i : survey_.dead_of[s]) {
+        double sum = 0, variance = 0, n = 0;
+        for (std::size_t b = 0; b < places_.neighbours[i].n; ++b) {
+            const std::size_t j = places_.neighbours[i].of[b];
+            if (survey_.is_dead[j] != 0) continue;
+            sum += gains_.gain[Eigen::Index(j)] * force[j], variance += noise(step, j, c), ++n;
         }
-        y.push_back(right);
-        scale.push_back(size);
-        within.push_back(0);
-        out.kind.push_back(kind);
-        out.press.push_back(step.press);
-        out.component.push_back(c);
-    };
-    for (const PressStep& step : presses_.steps) {
+        const double mean = n > 0 ? sum / n : 0;
+        const double sd = n > 0 ? std::hypot(mean, level * std::sqrt(variance / n)) : step.force_N[2];
+        out.add_hidden(arm(i) * mean, arm(i) * sd);
+    }
+}
+
+// One equation for each force of a step and two for the places of a press: their errors are common to its steps, because its
+// labels or the shape of its body have them.
+GainEquations ArrayFit::equations() const {
+    EquationMaker out(places_.n);
+    std::map<std::size_t, std::vector<std::size_t>> placed;
+    for (std::size_t s = 0; s < presses_.steps.size(); ++s) {
+        const PressStep& step = presses_.steps[s];
         double size = 0;
         for (std::size_t c = 0; c < 3; ++c)
             if (is_used(step, c)) size = std::hypot(size, step.force_N[c]);
-        for (std::size_t c = 0; c < 3; ++c)
-            if (is_used(step, c)) add(step, GainEquations::kForce, c, step.force_N[c], size, [](std::size_t) { return 1.; });
-        if (!std::isfinite(step.place_m[0]) || !std::isfinite(step.place_m[1])) continue;
-        const double press_N = std::abs(step.force_N[2]);
-        add(step, GainEquations::kPlace, 2, 0, press_N,
-            [&](std::size_t i) { return double(places_.x[i]) - step.place_m[0]; });
-        within.back() += within_taxels(step, 0);
-        add(step, GainEquations::kPlace, 2, 0, press_N,
-            [&](std::size_t i) { return double(places_.y[i]) - step.place_m[1]; });
-        within.back() += within_taxels(step, 1);
+        for (std::size_t c = 0; c < 3; ++c) {
+            if (!is_used(step, c)) continue;
+            out.begin(GainEquations::kForce, step.press);
+            out.add_right(step.force_N[c], size);
+            add_step(
+                s, c, [](std::size_t) { return 1.; }, out);
+        }
+        if (std::isfinite(step.place_m[0]) && std::isfinite(step.place_m[1])) placed[step.press].push_back(s);
     }
-    const auto n = Eigen::Index(y.size()), taxels = Eigen::Index(places_.n);
-    out.b.resize(n, taxels);
-    out.v.resize(n, taxels);
-    out.b.setFromTriplets(b.begin(), b.end());
-    out.v.setFromTriplets(v.begin(), v.end());
-    out.y = Eigen::Map<const Eigen::VectorXd>(y.data(), n);
-    out.within = Eigen::Map<const Eigen::VectorXd>(within.data(), n);
-    out.scale = Eigen::Map<const Eigen::VectorXd>(scale.data(), n);
-    return out;
+    for (const auto& [press, steps] : placed)
+        for (std::size_t axis = 0; axis < 2; ++axis) {
+            const std::vector<float>& r = axis == 0 ? places_.x : places_.y;
+            out.begin(GainEquations::kPlace, press);
+            for (const std::size_t s : steps) {
+                const PressStep& step = presses_.steps[s];
+                out.add_right(0, std::abs(step.force_N[2]));
+                add_step(
+                    s, 2, [&](std::size_t i) { return double(r[i]) - step.place_m[axis]; }, out);
+            }
+        }
+    return out.take();
 }
 
 // A taxel is unloaded if the presses leave more than half of the variance that the gains of its kind have.
@@ -349,7 +255,7 @@ void ArrayFit::put_taxels(ArrayReport& report) const {
                 for (std::size_t u = 0; u < step.value.size(); ++u) force += coefficient(i, c, u) * double(step.value[u][k]);
                 square += force * force;
             }
-            taxel.load_N = std::max(taxel.load_N, first_gain(i) * gains_.gain[Eigen::Index(i)] * std::sqrt(square));
+            taxel.load_N = std::max(taxel.load_N, gains_.gain[Eigen::Index(i)] * std::sqrt(square));
         }
     for (std::size_t i = 0; i < places_.n; ++i) {
         TaxelReport& taxel = report.taxels[i];
@@ -358,16 +264,16 @@ void ArrayFit::put_taxels(ArrayReport& report) const {
         taxel.gain_sd = sd / gain;
         for (std::size_t u = 0; u < presses_.noise.size(); ++u)
             taxel.noise_N = std::hypot(taxel.noise_N, taxel.gain * matrix_.back()[u] * presses_.noise[u][i]);
-        if (dead_[i] != 0 || !(gain > 0))
+        if (survey_.is_dead[i] != 0 || !(gain > 0))
             taxel = {.state = State::dead, .gain_sd = 0, .load_N = 0, .presses = taxel.presses};
-        else if (gains_.other[i] != 0)
+        else if (gains_.is_far[i] != 0)
             taxel.state = gain > 1 ? State::weak : State::strong;
-        else if (2 * sd * sd > gains_.s * gains_.s)
+        else if (2 * sd * sd > gains_.bulk_sd() * gains_.bulk_sd())
             taxel.state = State::unloaded;
     }
 }
 
-double rounded(double x) { return std::strtod(fmt::format("{:.7g}", x).c_str(), nullptr); }
+double rounded(double x, int digits = 7) { return std::strtod(fmt::format("{:.{}g}", x, digits).c_str(), nullptr); }
 
 void ArrayFit::put_calibration(ArrayReport& report) const {
     Calibration& c = report.calibration;
@@ -385,16 +291,19 @@ void ArrayFit::put_calibration(ArrayReport& report) const {
                    : has_all                 ? std::vector<std::string>(kComponentNames.begin(), kComponentNames.end())
                                              : std::vector<std::string>{"fz", "mx", "my"};
     c.parameters = start.parameters;
+    c.parameters.erase("gain_sd");  // the table has it
     for (const char* const name : {"place_mm", "normal", "wiring"})
         if (const auto table = start.tables.find(name); table != start.tables.end()) c.tables[name] = table->second;
     c.tables["taxel"] = matrix_;
     for (auto& row : c.tables["taxel"])
         for (double& value : row) value = rounded(value);
-    std::vector<double> gain, dead, taxel_sd(matrix_.size(), 0);
+    const double wider = std::max(1., report.held_out_ratio);
+    std::vector<double> gain, gain_sd, dead, taxel_sd(matrix_.size(), 0);
     double alive = 0, largest_N = 0;
     for (std::size_t i = 0; i < places_.n; ++i) {
         const TaxelReport& taxel = report.taxels[i];
         gain.push_back(rounded(taxel.gain));
+        gain_sd.push_back(rounded(wider * taxel.gain_sd, 3));
         if (taxel.state == State::dead) {
             dead.push_back(double(i));
             continue;
@@ -408,6 +317,7 @@ void ArrayFit::put_calibration(ArrayReport& report) const {
     }
     for (double& sd : taxel_sd) sd = rounded(std::sqrt(sd / alive));
     c.tables["gain"] = {gain};
+    c.tables["gain_sd"] = {gain_sd};
     c.tables["taxel_sd"] = {taxel_sd};
     if (!dead.empty()) c.tables["dead"] = {dead};
     for (const auto& row : presses_.zero) {
@@ -417,26 +327,12 @@ void ArrayFit::put_calibration(ArrayReport& report) const {
         for (const double x : row) mean += x / double(row.size());
         c.zero.push_back(rounded(mean));
     }
-    const double wider = std::max(1., report.held_out_ratio);
-    c.parameters["gain_sd"] = rounded(wider * gain_sd_of_presses());
     c.parameters.try_emplace("taxel_full_scale_N", rounded(largest_N));
     c.sd_slope.assign(c.components.size(), rounded(wider * gains_.common_sd(equations_)));
     c.rows = presses_.loaded_rows;
     c.validation = fmt::format("leave a fifth of the presses out ({} presses)", presses_.presses);
+    report.gain_sd = median(gain_sd);
     put_rest(report);
-}
-
-// The gain_sd with which gain_sd^2 sum f^2 is the variance of the forces of the presses of the recording, on average.
-double ArrayFit::gain_sd_of_presses() const {
-    double variance = 0, squares = 0;
-    for (Eigen::Index row = 0; row < equations_.b.rows(); ++row) {
-        if (equations_.kind[std::size_t(row)] != GainEquations::kForce) continue;
-        for (GainEquations::Matrix::InnerIterator at(equations_.b, row); at; ++at) {
-            variance += std::pow(at.value() * gains_.sd[at.col()], 2);
-            squares += std::pow(at.value() * gains_.gain[at.col()], 2);
-        }
-    }
-    return std::sqrt(variance / squares);
 }
 
 // Sets the sd that the taxels have in common: what the wrench of the unloaded rows has beyond the noise of each.
@@ -473,7 +369,7 @@ ArrayReport ArrayFit::report() const {
     report.loaded_rows = presses_.loaded_rows;
     report.left_out = presses_.left_out;
     report.matrix_is_fitted = matrix_is_fitted_;
-    report.gain_spread = gains_.s;
+    report.gain_spread = gains_.bulk_sd();
     report.force_error = gains_.spread[GainEquations::kForce];
     const bool has_places = std::count(equations_.kind.begin(), equations_.kind.end(), GainEquations::kPlace) > 0;
     report.place_error_m = has_places ? gains_.spread[GainEquations::kPlace] : kNaN;

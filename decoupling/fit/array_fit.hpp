@@ -23,7 +23,8 @@ struct ArrayReport {
     std::size_t presses = 0, steps = 0;
     int rest_rows = 0, loaded_rows = 0, left_out = 0;
     bool matrix_is_fitted = false;
-    double gain_spread = 0;                                       // sd of the gains of one kind
+    double gain_spread = 0;                                       // sd of the gains of one kind, without far ones
+    double gain_sd = 0;                                           // median of those of the taxels
     double force_error = 0, place_error_m = 0;                    // beyond the noise: relative; NaN without places
     double held_out_rms_N = 0, within_1_sd = 0, beyond_5_sd = 0;  // forces of presses that were left out
     double held_out_ratio = 1;  // rms of their errors over the predicted sd; includes places

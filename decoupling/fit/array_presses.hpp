@@ -49,6 +49,9 @@ struct Presses {
     std::vector<PressStep> steps;
     std::size_t presses = 0;
     int rest_rows = 0, loaded_rows = 0, left_out = 0;  // left_out: loaded, but a taxel has no value
+
+    // Variance of the mean of a step less the zero, over that of one value.
+    [[nodiscard]] double noise_part(const PressStep& step) const { return 1. / step.rows + 1. / rest_rows; }
 };
 
 // Returns the column of each value of each taxel, [value][taxel]. Channels are found in the header if `channels` is empty.

@@ -63,13 +63,16 @@ void Contact::find(TaxelForces& forces, const TaxelForces& zero, const std::vect
     const float limit_N = limit_N_;
     unsigned n_contact = 0;
     for (std::size_t i = 0; i < n; ++i) region[i] = p[i] > limit_N;
+    stated_ = forces.sd[2].empty() ? nullptr : &forces.sd;
+    for (std::size_t i = 0; stated_ != nullptr && i < n; ++i)
+        region[i] = region[i] != 0 && p[i] * p[i] > z_ * z_ * variance_along(i);
     for (std::size_t i = 0; i < n; ++i) n_contact += region[i];
     array.n_contact = n_contact;
     if (n_contact == 0) return;
     const auto peak = std::size_t(std::max_element(press_.begin(), press_.end()) - press_.begin());
     array.peak_taxel = std::uint32_t(peak);
     array.peak_N = press_[peak];
-    array.peak_sd_N = std::hypot(noise_.sd[2], noise_.gain * press_[peak]);
+    array.peak_sd_N = std::hypot(noise_.sd[2], noise_.gain[peak] * press_[peak]);
     find_region();
     use_variances(out);
     add_doubts(forces);
@@ -82,6 +85,16 @@ void Contact::find(TaxelForces& forces, const TaxelForces& zero, const std::vect
     if (!(sum_N_ > kPlace_sd * std::sqrt(variance))) return;
     put_centre(array);
     put_axis(array);
+}
+
+// The variance that taxel i states along its normal, N^2.
+float Contact::variance_along(std::size_t i) const noexcept {
+    float variance = 0;
+    for (std::size_t c = 0; c < 3; ++c) {
+        const float sd = places_.normal[i][c] * (*stated_)[c][i];
+        variance += sd * sd;
+    }
+    return variance;
 }
 
 void Contact::find_region() noexcept {
@@ -107,8 +120,9 @@ void Contact::find_region() noexcept {
 void Contact::add_term(std::size_t i) noexcept {
     const std::array<const float*, 3> r{places_.x.data(), places_.y.data(), places_.z.data()};
     const TaxelPlaces::Neighbours& beside = places_.neighbours[i];
-    const double p = double(press_[i]), of_gain = double(noise_.gain) * p;
+    const double p = double(press_[i]), of_gain = double(noise_.gain[i]) * p;
     Term term{i, p, double(noise_.sd[2]) * double(noise_.sd[2]) + of_gain * of_gain, {}};
+    if (stated_ != nullptr) term.variance = double(variance_along(i));
     for (std::size_t c = 0; c < 3; ++c) {
         double largest = 0, least = kLargest;
         const float pitch_m = places_.pitch_m[c];

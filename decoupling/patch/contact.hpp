@@ -58,6 +58,7 @@ private:
         std::array<double, 3> within;  // variance of its moment within the taxel, along x, y and z, N^2 m^2
     };
     [[nodiscard]] float press(const TaxelForces& forces, const TaxelForces& zero, std::size_t i) const noexcept;
+    [[nodiscard]] float variance_along(std::size_t i) const noexcept;
     void find_region() noexcept;
     void add_term(std::size_t i) noexcept;
     [[nodiscard]] float along_normal(const TaxelOut& one) const noexcept;
@@ -70,9 +71,10 @@ private:
     void put_axis(tactiled_array& array) const noexcept;
 
     const TaxelPlaces& places_;
-    TaxelNoise noise_;
+    const TaxelNoise& noise_;
     float z_, limit_N_;
     Doubts doubts_;
+    const std::array<std::vector<float>, 3>* stated_ = nullptr;  // sd that the taxels of the last reading state
     std::vector<float> press_;
     std::vector<std::uint8_t> region_;  // a taxel is outside of the contact, in it, or beside it
     std::vector<Term> terms_;           // one for each taxel of the region

@@ -42,19 +42,22 @@ float Doubts::contradiction(std::span<const float> press, std::span<const std::u
     const TaxelPlaces::Neighbours& beside = places_.neighbours[i];
     const float p = press[i];
     float below = 0, largest = 0;
+    std::size_t highest = i;
     for (std::size_t k = 0; k < beside.n_between; ++k) {
         const auto [a, b] = beside.between[k];
-        const float least = std::min(press[a], press[b]), deficit = least - p;
+        const std::size_t lower = press[a] < press[b] ? a : b;
+        const float least = press[lower], deficit = least - p;
         if (!(deficit > below) || !has_force(states[a]) || !has_force(states[b])) continue;
-        if (deficit * deficit > z2_ * (variance(least) + variance(p))) below = deficit;
+        if (deficit * deficit > z2_ * (variance(lower, least) + variance(i, p))) below = deficit;
     }
     if (below > 0 || most_above_ == 0 || beside.n < TaxelPlaces::kNeighbours) return -below;
     for (std::size_t k = 0; k < beside.n; ++k) {
         if (!has_force(states[beside.of[k]])) return 0;
-        largest = std::max(largest, press[beside.of[k]]);
+        if (press[beside.of[k]] > largest) highest = beside.of[k], largest = press[highest];
     }
     const float above = p - most_above_ * largest;
-    const bool is_above = above > 0 && above * above > z2_ * (variance(p) + most_above_ * most_above_ * variance(largest));
+    const bool is_above =
+        above > 0 && above * above > z2_ * (variance(i, p) + most_above_ * most_above_ * variance(highest, largest));
     return is_above ? p - largest : 0;
 }
 

@@ -28,12 +28,14 @@ public:
                                       std::size_t i) const noexcept;
 
 private:
-    [[nodiscard]] float variance(float press) const noexcept {
-        return noise_.sd[2] * noise_.sd[2] + noise_.gain * noise_.gain * press * press;
+    // Variance of the force of taxel i under this press, N^2.
+    [[nodiscard]] float variance(std::size_t i, float press) const noexcept {
+        const float of_gain = noise_.gain[i] * press;
+        return noise_.sd[2] * noise_.sd[2] + of_gain * of_gain;
     }
 
     const TaxelPlaces& places_;
-    TaxelNoise noise_;
+    const TaxelNoise& noise_;
     float z2_, most_above_;  // 0 = any
 };
 

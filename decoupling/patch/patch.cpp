@@ -14,7 +14,7 @@ namespace tactiled {
 namespace {
 
 constexpr std::array<Parameter, 1> kNoiseParameters{{{"gain_sd", "sd of a taxel's own gain, relative", 0, 10, 0}}};
-constexpr std::array<KnownTable, 1> kNoiseTables{{{"taxel_sd", 1, kAnyNumber, false}}};
+constexpr std::array<KnownTable, 2> kNoiseTables{{{"taxel_sd", 1, kAnyNumber, false}, {"gain_sd", 1, kAnyNumber, false}}};
 constexpr auto kParameters = joined(
     joined(joined(kPlaceParameters, kLawParameters), joined(kNoiseParameters, kDoubtParameters)), kCrosstalkParameters);
 constexpr auto kTables = joined(joined(kPlaceTables, kLawTables), kNoiseTables);
@@ -22,10 +22,19 @@ constexpr auto kTables = joined(joined(kPlaceTables, kLawTables), kNoiseTables);
 // A GOOD press may be off by a tenth at most, and what the neighbours do not show may be as large as what they do.
 constexpr double kUnsureShare = 0.05;
 
-TaxelNoise noise_of(const CalibrationData& data, const TaxelModels& models, std::string& fault) {
-    if (!models.is_empty()) return {models.sd_at_rest(), models.gain_sd()};
+TaxelNoise noise_of(const CalibrationData& data, std::size_t n, const TaxelModels& models, std::string& fault) {
+    if (!models.is_empty()) return {models.sd_at_rest(), std::vector<float>(n, models.gain_sd())};
     TaxelNoise noise;
-    noise.gain = float(data["gain_sd"]);
+    noise.gain.assign(n, float(data["gain_sd"]));
+    if (const NumberRows* const of_each = data.table("gain_sd")) {
+        const std::vector<double>& sd = of_each->front();
+        if (data.calibration().parameters.count("gain_sd") != 0)
+            fault = "gain_sd is a parameter and a table; keep one of them";
+        else if (sd.size() != n || !std::ranges::all_of(sd, [](double x) { return x >= 0; }))
+            fault = fmt::format("table gain_sd has {} numbers for {} taxels, or a negative one", sd.size(), n);
+        else
+            noise.gain.assign(sd.begin(), sd.end());
+    }
     const NumberRows* const table = data.table("taxel_sd");
     if (table == nullptr) return noise;
     const std::vector<double>& sd = table->front();
@@ -66,7 +75,7 @@ Patch::Patch(const CalibrationData& data, std::string& fault)
     : places_(places_of(data, fault)),
       law_(data, places_, fault),
       crosstalk_(places_, data["crosstalk"]),
-      noise_(noise_of(data, law_.models(), fault)),
+      noise_(noise_of(data, places_.n, law_.models(), fault)),
       sums_(places_, noise_, law_.models().is_common()),
       contact_(places_, noise_.times(crosstalk_.noise_gain()), data["narrowest_contact_mm"] * 1e-3) {
     const Calibration& calibration = data.calibration();

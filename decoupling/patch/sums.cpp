@@ -83,7 +83,26 @@ Sums::Sums(const TaxelPlaces& places, const TaxelNoise& noise, bool is_common)
                 r[a] * r[a] * covariance[b][b] + r[b] * r[b] * covariance[a][a] - 2 * r[a] * r[b] * covariance[a][b];
         }
     }
+    for (std::size_t i = 0; i < places.n; ++i) {
+        arm_[0].push_back(places.x[i] * noise.gain[i]);
+        arm_[1].push_back(places.y[i] * noise.gain[i]);
+        arm_[2].push_back(places.z[i] * noise.gain[i]);
+    }
     for (double& variance : of_noise_) variance *= is_common ? double(places.n) : 1;  // at most: the sd of all are added
+}
+
+// Adds the variance of the gains.
+void Sums::add_gains(const std::array<const float*, 3>& force) noexcept {
+    for (std::size_t c = 0; c < 3; ++c) {
+        const std::size_t a = (c + 1) % 3, b = (c + 2) % 3;
+        variance_[c] +=
+            sum(places_.n, [f = force[c], g = noise_.gain.data()](std::size_t i) { return (g[i] * f[i]) * (g[i] * f[i]); });
+        variance_[3 + c] +=
+            sum(places_.n, [ra = arm_[a].data(), rb = arm_[b].data(), fa = force[a], fb = force[b]](std::size_t i) {
+                const float moment = ra[i] * fb[i] - rb[i] * fa[i];
+                return moment * moment;
+            });
+    }
 }
 
 // Sets the variance from the sd that the taxels state.
@@ -106,13 +125,9 @@ void Sums::add(const TaxelForces& forces, const std::vector<TaxelOut>& out) noex
     const std::array<const float*, 3> r{places_.x.data(), places_.y.data(), places_.z.data()};
     std::array<const float*, 3> f{};
     variance_ = of_noise_;
-    const bool is_stated = !forces.sd[2].empty();
-    const double g2 = is_stated ? 0 : double(noise_.gain) * double(noise_.gain);
-    if (is_stated) add_stated(forces);
     for (std::size_t c = 0; c < 3; ++c) {
         f[c] = forces.component[c].empty() ? none_.data() : forces.component[c].data();
         wrench_[c] = sum(n, [a = f[c]](std::size_t i) { return a[i]; });
-        variance_[c] += g2 * sum(n, [a = f[c]](std::size_t i) { return a[i] * a[i]; });
     }
     for (std::size_t c = 0; c < 3; ++c) {  // the moment about axis c: r_a f_b - r_b f_a
         const std::size_t a = (c + 1) % 3, b = (c + 2) % 3;
@@ -120,8 +135,11 @@ void Sums::add(const TaxelForces& forces, const std::vector<TaxelOut>& out) noex
             return ra[i] * fb[i] - rb[i] * fa[i];
         };
         wrench_[3 + c] = sum(n, moment);
-        variance_[3 + c] += g2 * sum(n, [moment](std::size_t i) { return moment(i) * moment(i); });
     }
+    if (forces.sd[2].empty())
+        add_gains(f);
+    else
+        add_stated(forces);
     for (const TaxelOut& one : out)
         for (std::size_t c = 0; c < 3; ++c) {
             const std::size_t a = (c + 1) % 3, b = (c + 2) % 3;

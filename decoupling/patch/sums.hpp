@@ -1,9 +1,9 @@
 // The wrench of an array: the sum of its taxels' forces and of their moments about the origin of S, with its standard
 // deviation.
 //
-//     var F = n sd^2 + g^2 sum f^2 + ...,    M = sum r x f,    var M likewise with the arms r
+//     var F = n sd^2 + sum (g f)^2 + ...,    M = sum r x f,    var M likewise with the arms r
 //
-// with the noise sd of a taxel and the sd g of its gain, which are its own; what all taxels of a calibration have in common
+// with the noise sd of a taxel and the sd g of each gain, which are its own; what all taxels of a calibration have in common
 // is in `sd` and `sd_slope` of the calibration. Taxels with models state their sd: with a calibration of each, var F is the
 // sum of their variances; with one for all, whose errors may be the same everywhere, sd F is the sum of their sd.
 #pragma once
@@ -22,12 +22,14 @@ struct TaxelOut {
     std::array<float, 3> variance{};  // variance of the predicted force, N^2
 };
 
-// The sd of a taxel's force, N in its components, and of its gain.
+// The sd of a taxel's force without a load, N in its components, and the relative sd of the gain of each.
 struct TaxelNoise {
     std::array<float, 3> sd{};
-    float gain = 0;
-    [[nodiscard]] TaxelNoise times(float factor) const noexcept {
-        return {{factor * sd[0], factor * sd[1], factor * sd[2]}, factor * gain};
+    std::vector<float> gain;
+    [[nodiscard]] TaxelNoise times(float factor) const {
+        TaxelNoise noise = *this;
+        for (float& component : noise.sd) component *= factor;
+        return noise;
     }
 };
 
@@ -39,7 +41,7 @@ void predict(const TaxelPlaces& places, const TaxelNoise& noise, const TaxelForc
 
 class Sums {
 public:
-    // setup
+    // Keeps references. setup
     Sums(const TaxelPlaces& places, const TaxelNoise& noise, bool is_common);
     // Sums all forces, which are finite. rt: wait-free
     void add(const TaxelForces& forces, const std::vector<TaxelOut>& out) noexcept;
@@ -48,13 +50,15 @@ public:
     [[nodiscard]] const Wrench& variance_at_rest() const noexcept { return of_noise_; }
 
 private:
+    void add_gains(const std::array<const float*, 3>& force) noexcept;
     void add_stated(const TaxelForces& forces) noexcept;
 
     const TaxelPlaces& places_;
-    TaxelNoise noise_;
+    const TaxelNoise& noise_;
     bool is_common_;
-    std::vector<float> none_;  // a component that is not measured
-    Wrench of_noise_{};        // variance without a load
+    std::vector<float> none_;                // a component that is not measured
+    std::array<std::vector<float>, 3> arm_;  // r g
+    Wrench of_noise_{};                      // variance without a load
     Wrench wrench_{}, variance_{};
 };
 

@@ -29,7 +29,7 @@ struct NamedState {
 constexpr NamedState kNamed[] = {{State::dead, "no response; predicted from the neighbours"},
                                  {State::weak, "less sensitive than the others"},
                                  {State::strong, "more sensitive than the others"},
-                                 {State::unloaded, "too little load; about the gain of the others"}};
+                                 {State::unloaded, "too little load; see gain_sd in the map"}};
 
 void print_report(const ArrayReport& report, const std::string& out) {
     const Calibration& c = report.calibration;
@@ -37,8 +37,8 @@ void print_report(const ArrayReport& report, const std::string& out) {
     fmt::print("rows: {} of {} presses, {} without a load, {} left out; {} different loads\n", report.loaded_rows,
                report.presses, report.rest_rows, report.left_out, report.steps);
     fmt::print("matrix of all taxels: {}\n", report.matrix_is_fitted ? "from the presses" : "as stated, times a factor");
-    fmt::print("gains before: sd {:.1f} %; after: gain_sd {:.1f} %\n", 100 * report.gain_spread,
-               100 * c.parameters.at("gain_sd"));
+    fmt::print("gains before: sd {:.1f} %; after: gain_sd {:.1f} % (median)\n", 100 * report.gain_spread,
+               100 * report.gain_sd);
     fmt::print("noise of a taxel: {:.3g} N; common sd without a load: {} {:.3g}\n", c.tables.at("taxel_sd")[0].back(),
                c.components[0], c.sd[0]);
     fmt::print(
@@ -64,7 +64,7 @@ void print_json(const ArrayReport& report, const std::string& out) {
                         {"rows_left_out", report.left_out},
                         {"matrix_is_fitted", report.matrix_is_fitted},
                         {"gain_spread", number(report.gain_spread)},
-                        {"gain_sd", number(report.calibration.parameters.at("gain_sd"))},
+                        {"gain_sd", number(report.gain_sd)},
                         {"force_error", number(report.force_error)},
                         {"place_error_m", number(report.place_error_m)},
                         {"held_out_rms_N", number(report.held_out_rms_N)},

@@ -85,14 +85,14 @@ class FromCsvToForces(unittest.TestCase):
         temporary = tempfile.TemporaryDirectory()
         cls.addClassCleanup(temporary.cleanup)
         cls.folder = pathlib.Path(temporary.name)
-        cls.skin = Skin(12, dead=[50, 100], weak=[30, 77, 92])
-        cls.skin.write_presses(cls.folder / "array.csv", presses=300)
+        cls.skin = Skin(12, dead=[50, 100], weak=[30, 77, 121])
+        cls.skin.write_presses(cls.folder / "array.csv", presses=150)
         done = calibrate(cls.folder, *grid(12), "--json", "--map", cls.folder / "map.csv")
         assert done.returncode == 0, done.stderr
         cls.report = json.loads(done.stdout)
 
     def test_dead_and_weak_taxels_are_named_and_no_others(self):
-        self.assertEqual((self.report["dead"], self.report["weak"], self.report["strong"]), ([50, 100], [30, 77, 92], []))
+        self.assertEqual((self.report["dead"], self.report["weak"], self.report["strong"]), ([50, 100], [30, 77, 121], []))
 
     def test_gains_are_those_of_the_taxels_within_their_sd(self):
         with open(self.folder / "map.csv") as file:
@@ -100,28 +100,39 @@ class FromCsvToForces(unittest.TestCase):
         good = [(float(t["gain"]) * self.skin.sensitivity[i], float(t["gain_sd"])) for i, t in enumerate(taxels) if t["state"] == "good"]
         mean = sorted(g for g, _ in good)[len(good) // 2]  # the matrix has this factor
         errors = [(g / mean - 1) / sd for g, sd in good]
-        self.assertGreater(len(good), 90)
+        self.assertGreaterEqual(len(good), 110)
         within = sum(abs(e) <= 1 for e in errors) / len(errors)
-        self.assertLess(abs(within - 0.68), 3 * math.sqrt(0.68 * 0.32 / len(good)))  # 3 sd of a count
+        self.assertTrue(0.6 <= within <= 0.8, within)
         self.assertLess(max(map(abs, errors)), 5)
 
-    def test_forces_of_new_presses_are_within_their_sd(self):
+    def errors_of_presses(self, least_mm, most_mm):
+        """Errors of the forces of 200 new balls, none of them on a dead taxel alone, over their sd."""
         forces = []
         with open(self.folder / "new.csv", "w", newline="") as file:
             out = csv.writer(file)
             out.writerow(["t_s"] + self.skin.header())
-            for k in range(200):
-                radius_mm, force_N = self.skin.random.uniform(2, 3.5), self.skin.random.uniform(1, 5)
+            while len(forces) < 200:
+                radius_mm, force_N = self.skin.random.uniform(least_mm, most_mm), self.skin.random.uniform(1, 5)
+                place = self.skin.place(radius_mm)
+                if radius_mm < PITCH_MM and self.skin.dead & set(self.skin.parts(*place, radius_mm)):
+                    continue
+                out.writerow([len(forces)] + self.skin.frame(force_N, *place, radius_mm))
                 forces.append(force_N)
-                out.writerow([k] + self.skin.frame(force_N, *self.skin.place(radius_mm), radius_mm))
         subprocess.run([BIN / "tactilectl", "decouple", "--calibration", self.folder / "skin.toml", "--in", self.folder / "new.csv",
                         "--out", self.folder / "forces.csv"], check=True, capture_output=True)
         with open(self.folder / "forces.csv") as file:
             rows = list(csv.DictReader(file))
-        errors = [(float(row["fz_N"]) + force_N) / float(row["sd_fz_N"]) for row, force_N in zip(rows, forces)]
+        return [(float(row["fz_N"]) + force_N) / float(row["sd_fz_N"]) for row, force_N in zip(rows, forces)]
+
+    def test_forces_of_new_presses_are_within_their_sd(self):
+        errors = self.errors_of_presses(2, 3.5)
+        # Errors of neighbours compensate each other in a wide contact: with their covariance, which the model does not use, 63 to
+        # 74 % of such presses are within one sd, and 78 to 83 % without it (four arrays). A narrow press has its taxel's own sd.
+        self.assertGreaterEqual(sum(abs(e) <= 1 for e in errors) / len(errors), 0.58)
+        self.assertLess(max(map(abs, errors)), 5)
+        errors = self.errors_of_presses(0.5, 0.5)
         within = sum(abs(e) <= 1 for e in errors) / len(errors)
-        # 68 % - 3 sd of 200 presses, or more: in a wide contact the errors of neighbours compensate each other.
-        self.assertGreaterEqual(within, 0.58)
+        self.assertTrue(0.58 <= within <= 0.78, within)
         self.assertLess(max(map(abs, errors)), 5)
 
     def test_check_accepts_a_configuration_with_it(self):

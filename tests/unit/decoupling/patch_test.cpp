@@ -497,6 +497,24 @@ TEST_F(PatchTest, TaxelsAreInTheOrderOfTheirWiring) {
     EXPECT_NEAR(e.wrench_S[4], -4e-3 * -1, 1e-8);
 }
 
+TEST_F(PatchTest, EachTaxelHasTheSdOfItsGain) {
+    std::vector<double> of_each(30, 0.01);
+    of_each[7] = 0.2;
+    calibration_.tables["gain_sd"] = {of_each};
+    EXPECT_NE(fault_of(calibration_).find("gain_sd is a parameter and a table"), std::string::npos);
+    calibration_.parameters.erase("gain_sd");
+    calibration_.tables["taxel_sd"] = {{1e-6, 1e-6, 1e-6}};
+    make();
+    press_at(7, 1000);
+    EXPECT_NEAR(decouple().sd[2], 0.2, 1e-4);
+    EXPECT_NEAR(decouple().sd[3], 0.2 * 3e-3, 1e-6);  // its y is 3 mm
+    EXPECT_NEAR(double(record().peak_sd_N), 0.2, 1e-4);
+    raw_.assign(90, 0);
+    press_at(8, 1000);
+    EXPECT_NEAR(decouple().sd[2], 0.01, 1e-4);
+    EXPECT_NE(fault_of(with("gain_sd", {{0.1}})).find("table gain_sd has 1 numbers for 30 taxels"), std::string::npos);
+}
+
 TEST_F(PatchTest, RefusesACalibrationWithItsReason) {
     EXPECT_NE(fault_of(with("taxel", {{1, 0, 0}, {0, 1, 0}})).find("table taxel has 2 rows; it needs 1 (fz) or 3"),
               std::string::npos);
