@@ -99,6 +99,12 @@ std::span<const EffectEntry* const> chain() {
     return chain;
 }
 
+InArray in_array(const EffectEntry& effect) {
+    if (effect.in_array != InArray::by_stage) return effect.in_array;
+    if (effect.stage == Stage::time) return InArray::frame;
+    return effect.stage == Stage::contact || effect.stage == Stage::link ? InArray::not_at_all : InArray::each_taxel;
+}
+
 const EffectEntry* find_effect(std::string_view name) { return Registry<EffectEntry>::find(name); }
 
 }  // namespace tactiled::sim

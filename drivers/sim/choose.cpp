@@ -88,6 +88,30 @@ bool lower(std::vector<Decision>& decisions, Decision& d, double wanted_N) {
     return false;
 }
 
+// The bound of an effect of which a part may be worse.
+void take_worse(Bound& bound, const Bound& other) {
+    for (double Bound::*member : {&Bound::change_N, &Bound::gain, &Bound::jump_N, &Bound::own_N, &Bound::own_rate_N_s,
+                                  &Bound::load_gain, &Bound::coupling, &Bound::stretch, &Bound::slack_s})
+        bound.*member = std::max(bound.*member, other.*member);
+    for (std::size_t axis = 0; axis < kAxes; ++axis) bound.load[axis] = std::max(bound.load[axis], other.load[axis]);
+}
+
+// The sensors of which the effects are bounded: the taxels of an array, or the sensor itself.
+std::vector<Sensor> parts_of(const Sensor& sensor) {
+    std::vector<Sensor> parts;
+    parts.reserve(std::max<std::size_t>(sensor.taxels(), 1));
+    for (std::size_t i = 0; i < sensor.taxels(); ++i) parts.push_back(sensor.taxel_at(i));
+    if (parts.empty()) parts.push_back(sensor);
+    return parts;
+}
+
+void require_in_arrays(const Sensor& sensor, const std::vector<Named>& names) {
+    for (const Named& named : names)
+        if (sensor.is_array() && in_array(*find_effect(named.effect)) == InArray::not_at_all)
+            throw SetupError(fmt::format("effect \"{}\" works on single sensors; \"{}\" is an array of taxels", named.effect,
+                                         sensor.name));
+}
+
 // A change of time affects all later effects, so the effects of time are bounded after all others.
 void bound_time(const Scene& scene, const Sensor& sensor, const Extent& extent, Choice& choice) {
     std::vector<double> stated_N(chain().size(), 0);
@@ -168,18 +192,28 @@ Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, co
     const bool list = request != "auto" && request != "all" && request != "none";
     const auto names = list ? names_in(request) : std::vector<Named>{};
     require_known(names);
+    require_in_arrays(sensor, names);
+    const std::vector<Sensor> parts = parts_of(sensor);
     Extent reach = extent;
     Before before;
     for (std::size_t i = 0; i < chain().size(); ++i) {
         const EffectEntry& effect = *chain()[i];
+        const bool in_taxels = sensor.is_array() && in_array(effect) == InArray::each_taxel;
         if ((effect.models >> unsigned(sensor.model) & 1u) == 0) continue;
+        if (sensor.is_array() && in_array(effect) == InArray::not_at_all) continue;
         const auto named = std::find_if(names.begin(), names.end(), [&](const Named& n) { return n.effect == effect.name; });
         const bool asked = named != names.end(), on = request == "all" || request == "auto" || asked;
-        Setting setting = scene.setting(i, sensor, reach);
-        setting.before = before;
+        const auto setting_of = [&](const Sensor& part) {
+            Setting setting = scene.setting(i, part, reach);
+            setting.before = before;
+            return setting;
+        };
+        // The levels of all taxels are equal: they do not depend on random numbers.
+        const Setting setting = setting_of(in_taxels ? parts.front() : sensor);
         Decision& d = choice.decisions.emplace_back();
         d.effect = &effect;
         d.bound = effect.bound(setting);
+        for (std::size_t k = 1; in_taxels && k < parts.size(); ++k) take_worse(d.bound, effect.bound(setting_of(parts[k])));
         d.on = on;
         d.why = list ? (asked ? "asked for" : "not asked for") : request == "all" ? "all" : "none";
         d.cost_ns = cost_ns(effect, "", sensor.model);
@@ -192,7 +226,7 @@ Choice choose(const Scene& scene, const Sensor& sensor, const Extent& extent, co
     bound_time(scene, sensor, extent, choice);
     if (request == "auto") leave_out(choice.decisions, choice.wanted_N);
     choice.guaranteed_N = guaranteed_error_N(choice.decisions);
-    if (request == "auto") let_rest(scene, sensor, choice);
+    if (request == "auto" && !sensor.is_array()) let_rest(scene, sensor, choice);
     return choice;
 }
 

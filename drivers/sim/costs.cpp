@@ -9,7 +9,7 @@ namespace {
 
 struct Cost {
     std::string_view effect, level;
-    std::array<double, 3> ns;  // by Model: table, hair, capacitive; 0 = it does not concern such a sensor
+    std::array<double, 4> ns;  // by Model: table, hair, capacitive, taxel; 0 = it does not concern such a sensor
 };
 
 constexpr std::array kCosts{

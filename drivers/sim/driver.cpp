@@ -1,5 +1,5 @@
 // Driver "sim": a scene in place of hardware. Each sensor of the scene is a device of the link, in the scene's order.
-// The channels of a frame are in the sensor's own unit (counts_per_unit = 1).
+// The channels of a frame are in the sensor's own unit (counts_per_unit = 1). An array has taxels and no channels.
 #include <fmt/format.h>
 #include <time.h>
 
@@ -26,13 +26,17 @@ public:
         again_ = options.one_of("at_end", {"stop", "again"}, "stop") == "again";
         try {
             scene_ = sim::read_scene(path_);
-            sim::Simulation{scene_, effects_};
+            for (const sim::Sensor& sensor : scene_.sensors)
+                if (sensor.is_array()) shape_ = {std::uint16_t(sensor.taxels()), std::uint16_t(sensor.n())};
+            // An array has thousands of channels: the work for them is spread over the samples.
+            if (shape_.taxels != 0) block_size_ = 1;
+            sim::Simulation{scene_, effects_, block_size_};
         } catch (const SetupError& e) { options.problem("scene", e.what()); }
     }
 
     std::string open() override {
         if (ended_ && !again_) return "the scene has ended; at_end = \"again\" plays it again";
-        simulation_ = std::make_unique<sim::Simulation>(scene_, effects_);
+        simulation_ = std::make_unique<sim::Simulation>(scene_, effects_, block_size_);
         block_.assign(scene_.sensors.size(), nullptr);
         lines_.clear();
         for (const sim::Sensor& sensor : scene_.sensors) lines_.push_back({sim::Arrivals(sensor), 0});
@@ -59,7 +63,13 @@ public:
 
     [[nodiscard]] bool has_more() const noexcept override { return sensor_ != 0 || !arrived_.empty(); }
 
-    void close() noexcept override { simulation_.reset(); }
+    void close() noexcept override {
+        simulation_.reset();
+        taxels_ = {};
+    }
+
+    [[nodiscard]] TaxelShape taxel_shape() const noexcept override { return shape_; }
+    [[nodiscard]] Taxels taxels() const noexcept override { return taxels_; }
 
     [[nodiscard]] double delay_s(std::uint16_t device, std::size_t channel) const override {
         for (const sim::Sensor& sensor : scene_.sensors)
@@ -76,12 +86,18 @@ private:
     // Fills the next frame of the present sensor. Returns false if this sample has no further frame of that sensor.
     bool fill(Frame& frame) noexcept {
         const std::size_t i = sensor_;
+        taxels_ = {};
         if (arrived_.empty()) {
-            if (sample_ % sim::Block::kSize == 0) block_[i] = &simulation_->advance(i);
+            if (sample_ % block_size_ == 0) block_[i] = &simulation_->advance(i);
             arrived_ = lines_[i].arrivals.take(*block_[i], std::size_t(sample_ - block_[i]->first));
         }
         const bool any = !arrived_.empty();
         const bool in_order = any && take(arrived_.front(), scene_.sensors[i], lines_[i].next, frame);
+        if (const sim::TaxelArray* const array = simulation_->array(i); in_order && array != nullptr) {
+            frame.n_channels = 0;
+            frame.missing = 0;
+            taxels_ = {shape_, array->values(std::size_t(sample_ - block_[i]->first))};
+        }
         if (any) arrived_ = arrived_.subspan(1);
         if (arrived_.empty() && ++sensor_ == scene_.sensors.size()) {
             sensor_ = 0;
@@ -123,6 +139,9 @@ private:
     std::vector<const sim::Block*> block_;
     std::vector<Line> lines_;
     std::span<const sim::SentFrame> arrived_;  // frames of the present sensor that were not read yet
+    TaxelShape shape_{};
+    Taxels taxels_{};
+    std::size_t block_size_ = sim::Block::kSize;
     std::uint64_t sample_ = 0, began_ns_ = 0;
     std::size_t sensor_ = 0;
 };

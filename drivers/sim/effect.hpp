@@ -190,7 +190,12 @@ struct Level {
 };
 
 inline constexpr unsigned kTable = 1u << int(Model::table), kHair = 1u << int(Model::hair),
-                          kCapacitive = 1u << int(Model::capacitive), kAll = kTable | kHair | kCapacitive;
+                          kCapacitive = 1u << int(Model::capacitive), kAll = kTable | kHair | kCapacitive,
+                          kTaxel = 1u << int(Model::taxel);
+
+// Where an effect works if the sensor is an array of taxels. Effects of the contact work on one sensor alone and do not
+// occur in arrays.
+enum class InArray { by_stage, each_taxel, frame, not_at_all };
 
 struct EffectEntry {
     std::string_view name;   // name in `--effects creep,noise`
@@ -206,13 +211,17 @@ struct EffectEntry {
     std::vector<Level> (*levels)(const Setting&) = nullptr;  // setup; the levels available here, in any order
     // True if the output of the effect and its levels depends on no other sample, so that it may be suspended.
     bool instant = false;
+    // by_stage: time: frame; material, transducer and converter: each_taxel; contact and link: not_at_all
+    InArray in_array = InArray::by_stage;
     // Delay of a slow signal on a channel of the sensor; nullptr: no delay. setup
     double (*delay_s)(const Setting&, std::size_t channel) = nullptr;
     Registry<EffectEntry> in_list{this};
 };
 
-// Returns the cost of an effect for the choice, in ns per sample of a sensor with all its channels. It is from the
-// table costs.inc, which `sim_bench --costs` measures in one run, so that the choice is the same on every machine.
+// Returns where the effect works in an array; never by_stage. setup
+InArray in_array(const EffectEntry& effect);
+// Returns the cost of an effect for the choice, in ns per sample of a sensor or a taxel with all its channels. It is from
+// the table costs.inc, which `sim_bench --costs` measures in one run, so that the choice is the same on every machine.
 // `level`: empty = the effect itself. Without a line in the table it is derived from the instructions, ten per ns;
 // half of that for a level. setup
 double cost_ns(const EffectEntry& effect, std::string_view level, Model model);

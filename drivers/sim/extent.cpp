@@ -6,6 +6,7 @@
 #include <tuple>
 
 #include "drivers/sim/motion.hpp"
+#include "drivers/sim/pressure.hpp"
 
 namespace tactiled::sim {
 namespace {
@@ -79,6 +80,7 @@ Place place_of(const Segment& s, const Sensor& sensor, bool covers) {
     const Reach x = reach_of(s, &State::x_m), y = reach_of(s, &State::y_m);
     p.moves_m_s = std::hypot(x.rate, y.rate);
     p.hops_m = std::hypot(x.jump, y.jump);
+    if (sensor.is_array()) p.arm_m[0] = p.arm_m[1] = 0;  // on one taxel
     if (sensor.half_width_m > 0)
         for (double& arm : p.arm_m) arm = std::min(arm, sensor.half_width_m);
     return p;
@@ -96,6 +98,27 @@ struct Sharing {
 // a shear, which may exist without a press, as under its smallest radius, which may be 0.
 Sharing sharing_of(const Place& place, double radius_m, bool grows) {
     return {1.07 * place.moves_m_s / radius_m, std::min(1.0, 1.07 * place.hops_m / radius_m), grows ? 0.385 : 0};
+}
+
+// Reduces the load of a body to that of any one taxel, which the contact may leave at any time. Its press F_i grows by at
+// most the press N, 0 <= dF_i / dN <= 1; its part of a shear changes by (dF_i / dN - F_i / N) / N, at most 1 / N.
+void take_one_taxel(std::array<Reach, kAxes>& load, const Reach& press, double T, const Body& body, const Sensor& sensor,
+                    const Place& place, double share) {
+    const Pressure pressure(body, sensor);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        const bool is_press = axis == kFz;
+        const double least_N = std::max(press.span.min, 1e-12), whole = share * (is_press ? press.span.max : T);
+        const double of_N = share * (is_press ? press.span.max : press.span.min);
+        const double part = pressure.max_part(of_N), slope_1_m = pressure.max_slope_1_m(of_N);
+        const double grown = share * (is_press ? 1 : T / least_N), limit = is_press ? share * press.span.max : share * T;
+        load[axis] = (is_press ? 0 : part) * load[axis];
+        load[axis].rate += grown * press.rate + whole * slope_1_m * place.moves_m_s;
+        load[axis].jump += std::min(grown * press.jump, limit) + whole * std::min(1.0, slope_1_m * place.hops_m);
+        load[axis].end_jump += std::min(grown * press.end_jump, limit);
+        if (is_press) load[axis].span = {-part * whole, 0};
+        load[axis].span.take(0);
+    }
+    load[kMx] = load[kMy] = {};
 }
 
 std::array<Reach, kAxes> loads_of(const Segment& s, const Body& body, const Sensor& sensor, const Place& place,
@@ -135,6 +158,7 @@ std::array<Reach, kAxes> loads_of(const Segment& s, const Body& body, const Sens
                          arm * load[kFz].jump + max * std::min(place.hops_m, 2 * arm),
                          arm * load[kFz].end_jump};
     }
+    if (sensor.is_array() && !covers_array(body, sensor)) take_one_taxel(load, press, T, body, sensor, place, share);
     return load;
 }
 

@@ -71,7 +71,8 @@ double footprint_m(const Body& body, const Sensor& sensor, double press_N) noexc
 }
 
 bool covers_array(const Body& body, const Sensor& sensor) noexcept {
-    return sensor.half_width_m > 0 && (body.shape == Body::Shape::flat || body.shape == Body::Shape::textured);
+    return (sensor.half_width_m > 0 || sensor.is_array()) &&
+           (body.shape == Body::Shape::flat || body.shape == Body::Shape::textured);
 }
 
 Motion::Motion(std::vector<Segment> segments, const Body& body) : segments_(std::move(segments)), body_(body) {
@@ -88,7 +89,7 @@ void Motion::fill(Block& block, const Sensor& sensor) const noexcept {
     const bool covers = covers_array(body_, sensor), round = grows(body_, sensor);
     const double modulus_Pa = round ? contact_modulus_Pa(skin(sensor), body_) : 0;
     double radius = contact_radius(body_, sensor);
-    const double fair = sensor.share / (covers ? double(sensor.rows * sensor.columns) : 1);
+    const double fair = sensor.share / (covers && half > 0 ? double(sensor.rows * sensor.columns) : 1);
     const double turn_cos = std::cos(sensor.turn_rad), turn_sin = std::sin(sensor.turn_rad);
     std::size_t at = 0;  // the segment, searched again in each block, because times may decrease slightly
     if (!segments_.empty()) {

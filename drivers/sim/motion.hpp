@@ -13,8 +13,11 @@
 namespace tactiled::sim {
 
 struct Body {
-    enum class Shape { flat, sphere, edge, textured } shape = Shape::flat;
-    double radius_m = 5e-3;     // radius of a sphere or of an edge's contact; a flat body covers the sensor
+    enum class Shape { flat, sphere, edge, textured, cylinder, fingers } shape = Shape::flat;
+    // Radius of a sphere, a cylinder or a fingertip, half width of an edge's contact; a flat body covers the sensor.
+    double radius_m = 5e-3;
+    // On an array of taxels: length of an edge or a cylinder, distance of two fingertips, along a line at this angle to x.
+    double length_m = 10e-3, apart_m = 10e-3, turn_rad = 0;
     double stiffness_Pa = 3e9;  // Young's modulus
     double friction = 0.8, kinetic_friction = 0.7;
     double mass_kg = 0;
@@ -114,7 +117,7 @@ bool grows(const Body& body, const Sensor& sensor) noexcept;
 // Half the width of the contact on an array under a press on all of it: for a sphere by Hertz with the skin's
 // stiffness, at least 1 um; else as contact_radius(). rt: wait-free
 double footprint_m(const Body& body, const Sensor& sensor, double press_N) noexcept;
-// True if the body covers all taxels of the sensor's array equally. rt: wait-free
+// True if the body covers all taxels of the sensor's array equally, of either kind. rt: wait-free
 bool covers_array(const Body& body, const Sensor& sensor) noexcept;
 
 // Reads the [[motion]] tables of a scene. Errors go to the options' Problems. setup

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <utility>
 
 namespace tactiled::sim {
 namespace {
@@ -12,12 +14,19 @@ constexpr double kMaxSamples = 1e10;
 
 Body read_body(Options table, double ambient_C) {
     Body body;
-    const std::string shape = table.one_of("shape", {"flat", "sphere", "edge", "textured"}, "flat");
-    body.shape = shape == "sphere"     ? Body::Shape::sphere
-                 : shape == "edge"     ? Body::Shape::edge
-                 : shape == "textured" ? Body::Shape::textured
-                                       : Body::Shape::flat;
+    using Shape = Body::Shape;
+    const std::pair<std::string, Shape> shapes[] = {{"flat", Shape::flat},         {"sphere", Shape::sphere},
+                                                    {"edge", Shape::edge},         {"textured", Shape::textured},
+                                                    {"cylinder", Shape::cylinder}, {"fingers", Shape::fingers}};
+    std::vector<std::string> names;
+    for (const auto& shape : shapes) names.push_back(shape.first);
+    const std::string name = table.one_of("shape", names, "flat");
+    for (const auto& shape : shapes)
+        if (shape.first == name) body.shape = shape.second;
     body.radius_m = table.number("radius_m", {1e-6, 1}, body.radius_m);
+    body.length_m = table.number("length_m", {1e-6, 1}, body.length_m);
+    body.apart_m = table.number("apart_m", {0, 1}, body.apart_m);
+    body.turn_rad = table.number("turn_deg", {-360, 360}, 0) * std::numbers::pi / 180;
     body.stiffness_Pa = table.number("stiffness_Pa", {1e2, 1e13}, body.stiffness_Pa);
     body.friction = table.number("friction", {0, 10}, body.friction);
     body.kinetic_friction = table.number("kinetic_friction", {0, 10}, std::min(body.kinetic_friction, body.friction));
@@ -28,6 +37,27 @@ Body read_body(Options table, double ambient_C) {
     body.adhesion_J_m2 = table.number("adhesion_J_m2", {0, 100}, 0);
     if (body.kinetic_friction > body.friction) table.problem("kinetic_friction", "is more than friction");
     return body;
+}
+
+// A link carries arrays of one shape, and a body has a law of contact on arrays or on single sensors.
+void check_arrays(Options& options, const Scene& scene) {
+    const Sensor* first = nullptr;
+    bool single = false;
+    for (const Sensor& sensor : scene.sensors) {
+        if (!sensor.is_array()) single = true;
+        if (!sensor.is_array()) continue;
+        if (first == nullptr) first = &sensor;
+        if (sensor.taxels() != first->taxels() || sensor.n() != first->n())
+            options.problem("sensor", fmt::format("\"{}\" has another number of taxels or values than \"{}\": put it into a "
+                                                  "scene of its own",
+                                                  sensor.name, first->name));
+    }
+    using Shape = Body::Shape;
+    if (single && (scene.body.shape == Shape::cylinder || scene.body.shape == Shape::fingers))
+        options.problem("body", "a cylinder or fingers need sensors with taxels = [rows, columns]");
+    if (first != nullptr && (scene.body.shape == Shape::textured || scene.body.adhesion_J_m2 > 0))
+        options.problem("body",
+                        fmt::format("texture and adhesion do not occur on an array of taxels, as \"{}\" is", first->name));
 }
 
 // [effects.NAME]: each parameter that the scene sets; the others keep their defaults.
@@ -90,6 +120,7 @@ Scene read_scene(Options options, Problems& problems) {
             sensor.device = std::uint16_t(scene.sensors.size());
             scene.sensors.push_back(std::move(sensor));
         }
+    check_arrays(options, scene);
     if (scene.sensors.empty()) options.problem("sensor", "a scene has at least one [[sensor]]");
     scene.motion = read_motion(options, scene.body, scene.rate_Hz);
     scene.parameters = read_parameters(options.table("effects"));

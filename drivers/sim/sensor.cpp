@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 namespace tactiled::sim {
 namespace {
@@ -16,7 +17,8 @@ struct Known {
 };
 constexpr Known kModels[] = {{"table", Model::table, read_table},
                              {"hair", Model::hair, read_hair},
-                             {"capacitive", Model::capacitive, read_capacitive}};
+                             {"capacitive", Model::capacitive, read_capacitive},
+                             {"taxel", Model::taxel, read_taxel}};
 
 // 1 N in the channel's unit: see Sensor::per_N.
 double per_newton(const Load& gain) {
@@ -53,6 +55,14 @@ std::size_t Sensor::find(std::string_view channel) const {
     return std::size_t(std::find(channels.begin(), channels.end(), channel) - channels.begin());
 }
 
+Sensor Sensor::taxel_at(std::size_t i) const {
+    Sensor one = *this;
+    one.name = fmt::format("{}_{}_{}", name, i / columns, i % columns);
+    one.serial += i;
+    one.rows = one.columns = 1;
+    return one;
+}
+
 double Sensor::channel_N(const Load& change) const {
     Channels reads{};
     for (std::size_t k = 0; k < n(); ++k)
@@ -70,7 +80,8 @@ double Sensor::largest_N(const Channels& change) const {
 std::vector<Sensor> read_sensor(Options& options) {
     Sensor sensor;
     sensor.name = options.text("name");
-    const std::vector<std::string> names{"table", "hair", "capacitive"};
+    std::vector<std::string> names;
+    for (const Known& known : kModels) names.emplace_back(known.name);
     const std::string model = options.one_of("model", names);
     for (const Known& known : kModels)
         if (known.name == model) {
@@ -86,13 +97,21 @@ std::vector<Sensor> read_sensor(Options& options) {
     sensor.turn_rad = options.number("turn_deg", {-360, 360}, 0) * std::numbers::pi / 180;
     sensor.share = options.number("share", {0, 1}, 1);
     sensor.every = std::size_t(options.integer("every", {1, 100'000}, 1));
-    const auto array = options.numbers("array", {1, 4}, {0, 2});
+    const auto array = options.numbers("array", {1, 4}, {0, 2}), taxels = options.numbers("taxels", {1, 64}, {0, 2});
     const double pitch_m = options.number("pitch_m", {1e-4, 0.1}, 2e-3);
-    if (array.empty()) return {sensor};
-    if (array.size() != 2) {
-        options.problem("array", "array = [rows, columns]");
-        return {sensor};
+    const bool both = !array.empty() && !taxels.empty();
+    if (both)
+        options.problem("array", "array = [rows, columns] makes a device of each, taxels = [rows, columns] one of all");
+    for (const auto& [key, shape] : {std::pair{"array", array}, {"taxels", taxels}})
+        if (shape.size() == 1) options.problem(key, fmt::format("{} = [rows, columns]", key));
+    if (sensor.model == Model::taxel && taxels.empty())
+        options.problem("taxels", "model \"taxel\" needs taxels = [rows, columns]");
+    if (taxels.size() == 2) {
+        sensor.rows = std::size_t(taxels[0]);
+        sensor.columns = std::size_t(taxels[1]);
+        sensor.pitch_m = pitch_m;
     }
+    if (array.size() != 2 || both) return {sensor};
     return as_array(sensor, std::size_t(array[0]), std::size_t(array[1]), pitch_m);
 }
 

@@ -12,7 +12,7 @@
 
 namespace tactiled::sim {
 
-enum class Model { table, hair, capacitive };
+enum class Model { table, hair, capacitive, taxel };
 
 // Strain gauges under a plate on four columns: Lee, Kim, Shikida, Sato.
 struct TableSample {
@@ -41,11 +41,16 @@ struct CapacitiveSample {
     double piezo_V_per_N;  // above the corner frequency of the leak; 0 = no film
 };
 
+// A taxel that reads the press on it, or all three forces, as a number of counts.
+struct TaxelSample {
+    double young_Pa;  // modulus of the skin
+};
+
 struct Sensor {
     std::string name;
     Model model{};
-    std::vector<std::string> channels;            // "R1" .. "R8"; "H1" .. "H4"; "C1" .. "C4", "Cn", "Vp"
-    std::string unit;                             // "dR/R0" or "pF" ("Vp": V)
+    std::vector<std::string> channels;            // "R1" .. "R8"; "H1" .. "H4"; "C1" .. "C4", "Cn", "Vp"; "Z" or "X" "Y" "Z"
+    std::string unit;                             // "dR/R0", "pF" ("Vp": V) or "counts"
     Channels zero{};                              // readings without load
     std::array<Load, kMaxSensorChannels> gain{};  // unit per N of fx fy fz and per Nm of mx my
     // Change of the channel per 1 N, in its unit: its response to the axis with the smallest response above a tenth
@@ -56,16 +61,24 @@ struct Sensor {
     TableSample table{};
     HairSample hair{};
     CapacitiveSample capacitive{};
+    TaxelSample taxel{};
 
     // The sensor's position, its rotation about z against the scene's directions, and its share of the forces.
     double x_m = 0, y_m = 0, turn_rad = 0, share = 1;
     // half width of the sensor's cell in an array, where `share` follows the overlap with the contact; 0 = no array
     double half_width_m = 0;
     std::size_t array_row = 0, array_column = 0, rows = 1, columns = 1;
+    // Distance of the taxels of an array that is one device; 0 = no such array. Gain, zero, resolution and full scale are
+    // those of each of its rows * columns taxels, which measure the force on a square of this width.
+    double pitch_m = 0;
     std::size_t every = 1;     // delivers each n-th sample of the scene
     std::uint16_t device = 0;  // device number of its frames
 
     [[nodiscard]] std::size_t n() const { return channels.size(); }
+    [[nodiscard]] bool is_array() const { return pitch_m > 0; }
+    [[nodiscard]] std::size_t taxels() const { return is_array() ? rows * columns : 0; }
+    // Returns the sensor that taxel i is, in the order of the wire: row 0 has the largest y, column 0 the smallest x. setup
+    [[nodiscard]] Sensor taxel_at(std::size_t i) const;
     [[nodiscard]] std::size_t find(std::string_view channel) const;  // n() if there is none
 
     // Returns the largest change of any channel, in N, if each component of the load changes by at most that much (N,
@@ -82,5 +95,6 @@ std::vector<Sensor> read_sensor(Options& options);
 void read_table(Options& options, Sensor& sensor);
 void read_hair(Options& options, Sensor& sensor);
 void read_capacitive(Options& options, Sensor& sensor);
+void read_taxel(Options& options, Sensor& sensor);
 
 }  // namespace tactiled::sim

@@ -9,8 +9,10 @@
 namespace tactiled::sim {
 namespace {
 
-// Returns the linear step before each stage: sample times, motion, and the first-order response of material and transducer.
+// Returns the linear step before each stage: sample times, motion, and the first-order response of material and transducer,
+// which an array has for each taxel.
 std::unique_ptr<Effect> before(Stage stage, const Scene& scene, const Sensor& sensor) {
+    if (sensor.is_array() && stage != Stage::time && stage != Stage::contact) return nullptr;
     switch (stage) {
         case Stage::time:
             return each_sample([rate_Hz = scene.rate_Hz](Block& block, std::size_t n) {
@@ -54,6 +56,8 @@ Simulation::Simulation(const Scene& scene, const std::string& effects, std::size
         line.sensor = &sensor;
         line.extent = scene.motion.extent(sensor);
         line.choice = choose(scene, sensor, line.extent, effects);
+        if (sensor.is_array())
+            line.array = std::make_unique<TaxelArray>(scene, sensor, line.extent, line.choice, block_size);
         const std::size_t linear = line.choice.decisions.size();
         line.shares_N.assign(linear, 0);
         line.times_ns.assign(linear + 1, 0);
@@ -61,9 +65,13 @@ Simulation::Simulation(const Scene& scene, const std::string& effects, std::size
         for (const Stage stage :
              {Stage::time, Stage::contact, Stage::material, Stage::transducer, Stage::converter, Stage::link}) {
             if (auto step = before(stage, scene, sensor)) line.steps.push_back({std::move(step), stage, linear});
+            if (sensor.is_array() && stage == Stage::contact)
+                line.steps.push_back(
+                    {each_block([&array = *line.array](Block& block) { array.apply(block); }), stage, linear});
             for (std::size_t d = 0; d < line.choice.decisions.size(); ++d) {
                 const Decision& decision = line.choice.decisions[d];
                 if (!decision.on || decision.effect->stage != stage) continue;
+                if (sensor.is_array() && in_array(*decision.effect) == InArray::each_taxel) continue;
                 const Setting setting = scene.setting(decision.number(), sensor, line.extent);
                 auto effect = decision.level == Decision::kItself ? decision.effect->make(setting)
                                                                   : decision.levels[decision.level].make(setting);

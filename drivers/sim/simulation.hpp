@@ -8,6 +8,7 @@
 
 #include "drivers/sim/choose.hpp"
 #include "drivers/sim/scene.hpp"
+#include "drivers/sim/taxel_array.hpp"
 
 namespace tactiled::sim {
 
@@ -21,9 +22,13 @@ public:
     // allocation
     const Block& advance(std::size_t sensor) noexcept;
 
+    // The taxels of the last block of a sensor that is an array, else nullptr. The block has the load of all of them, and no
+    // channels. rt: wait-free
+    [[nodiscard]] const TaxelArray* array(std::size_t sensor) const noexcept { return lines_[sensor].array.get(); }
+
     [[nodiscard]] const Choice& choice(std::size_t sensor) const { return lines_[sensor].choice; }
     [[nodiscard]] const Scene& scene() const { return scene_; }
-    // Enables shares_N(): the largest change of a channel by each chosen effect so far, N, in the order of
+    // Enables shares_N(), not of an array: the largest change of a channel by each chosen effect so far, N, in the order of
     // choice().decisions. It costs as much as the effects themselves, so it is off by default.
     void measure_shares(bool on) { measures_shares_ = on; }
     [[nodiscard]] const std::vector<double>& shares_N(std::size_t sensor) const { return lines_[sensor].shares_N; }
@@ -50,6 +55,7 @@ private:
         const Sensor* sensor;
         Extent extent;
         Choice choice;
+        std::unique_ptr<TaxelArray> array{};
         std::vector<Step> steps;
         std::vector<double> shares_N;
         std::vector<std::uint64_t> times_ns;

@@ -63,6 +63,21 @@ std::vector<std::size_t> sensors_of(const sim::Scene& scene, const std::string& 
                                  nearest ? "did you mean" : "its first is", in_quotes(nearest ? *nearest : names.front())));
 }
 
+// The files and the report have channels; an array has its truth alone.
+void refuse_arrays(const Args& args, const sim::Scene& scene) {
+    const std::pair<const char*, bool> uses[] = {{"--out", !args.out.empty()},
+                                                 {"--report", !args.report.empty()},
+                                                 {"--figure", !args.figure.empty()},
+                                                 {"--json", args.json},
+                                                 {"--pty", !args.ptys.empty()}};
+    for (const sim::Sensor& sensor : scene.sensors)
+        for (const auto& [name, is_used] : uses)
+            if (sensor.is_array() && is_used)
+                throw SetupError(
+                    fmt::format("{}: {} is an array of taxels: use --truth, and driver = \"sim\" for its taxels", name,
+                                in_quotes(sensor.name)));
+}
+
 int list_effects(const Args& args) {
     if (args.json)
         print(effects_json());
@@ -77,6 +92,7 @@ int simulate(const Args& args) {
     check_files(args);
     sim::Scene scene = sim::read_scene(args.scene);
     if (args.seed) scene.seed = *args.seed;
+    refuse_arrays(args, scene);
     const auto sensors = sensors_of(scene, args.sensor);
     const sim::Simulation chosen(scene, args.effects);
     const bool files = !args.out.empty() || !args.truth.empty();

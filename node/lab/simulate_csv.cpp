@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 #include <iterator>
+#include <numbers>
 #include <stdexcept>
 
 #include "decoupling/csv.hpp"
@@ -63,6 +64,13 @@ void add_truth(std::string& row, const sim::Sensor& sensor, const Block& block, 
     add(row, touches ? block.y_m[n] + 0.0 : kNaN);
 }
 
+// The contact of a body with an array.
+void add_contact(std::string& row, const sim::TaxelArray& array, const Block& block, std::size_t n) {
+    const bool touches = block.load[sim::kFz][n] < 0;
+    add(row, touches ? array.area_m2(n) : kNaN);
+    add(row, touches ? array.axis_rad() * 180 / std::numbers::pi : kNaN);
+}
+
 std::string names_on(const sim::Choice& choice) {
     std::string names;
     for (const auto& d : choice.decisions)
@@ -81,8 +89,10 @@ void write_csv(const sim::Scene& scene, const std::string& effects, const std::s
     for (std::size_t i = 0; i < scene.sensors.size(); ++i) {
         const std::string prefix = plain ? "" : scene.sensors[i].name + ".";
         for (const auto& channel : scene.sensors[i].channels) row += fmt::format(",{}{}", prefix, channel);
-        for (const char* column : {"fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm", "cop_x_m", "cop_y_m", "effects"})
+        for (const char* column : {"fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm", "cop_x_m", "cop_y_m"})
             true_row += fmt::format(",{}{}", prefix, column);
+        if (simulation.array(i) != nullptr) true_row += fmt::format(",{0}area_m2,{0}axis_deg", prefix);
+        true_row += fmt::format(",{}effects", prefix);
     }
     row += '\n';
     true_row += '\n';
@@ -102,6 +112,7 @@ void write_csv(const sim::Scene& scene, const std::string& effects, const std::s
                 if (out.is_open()) add_signals(row, scene.sensors[i], *block[i], n);
                 if (!true_out.is_open()) continue;
                 add_truth(true_row, scene.sensors[i], *block[i], n);
+                if (const auto* array = simulation.array(i)) add_contact(true_row, *array, *block[i], n);
                 true_row += ',';
                 if (first) true_row += names_on(simulation.choice(i));
             }

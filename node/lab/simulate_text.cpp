@@ -11,7 +11,7 @@ namespace {
 
 std::vector<std::string> models_of(const sim::EffectEntry& effect) {
     std::vector<std::string> names;
-    for (const sim::Model model : {sim::Model::table, sim::Model::hair, sim::Model::capacitive})
+    for (const sim::Model model : {sim::Model::table, sim::Model::hair, sim::Model::capacitive, sim::Model::taxel})
         if ((effect.models >> unsigned(model) & 1u) != 0) names.emplace_back(name_of(model));
     return names;
 }
@@ -73,7 +73,7 @@ const char* name_of(sim::Stage stage) {
 }
 
 const char* name_of(sim::Model model) {
-    static constexpr const char* kNames[] = {"table", "hair", "capacitive"};
+    static constexpr const char* kNames[] = {"table", "hair", "capacitive", "taxel"};
     return kNames[std::size_t(model)];
 }
 

@@ -129,7 +129,8 @@ class Signals:
             kept += [[repr(from_s + float(row[0]) - begin_s), *(row[k] for k in columns)] for row in rows[:MAX_ROWS]]
 
     def collect(self, pool):
-        paths = sorted((ROOT / "config/scenes").glob("*.toml"))
+        # An array of taxels has no channels, and no signals.csv.
+        paths = [p for p in sorted((ROOT / "config/scenes").glob("*.toml")) if not any("taxels" in s for s in tomllib.loads(p.read_text())["sensor"])]
         outs = [self.folder / f"{path.stem}.signals.csv" for path in paths]
         done = list(pool.map(lambda p, o: ctl(self.base, "simulate", "--scene", p, "--effects", "all", "--out", o), paths, outs))
         for path, run in zip(paths, done):

@@ -22,6 +22,7 @@ const EffectEntry entry{.name = "clock_drift",
                         .source = "quartz: 20 to 100 ppm",
                         .stage = Stage::time,
                         .instructions = 11,
+                        .models = kAll | kTaxel,
                         .parameters = {{"drift_ppm", "> 0: samples come late", 50, -1e4, 1e4}},
                         .bound = bound,
                         .make = make};

@@ -59,17 +59,18 @@ Bound bound(const Setting& s) {
     return bound_of_own(s, change);
 }
 
-const EffectEntry entry{
-    .name = "dead_channel",
-    .title = "a channel dies",
-    .equation = "P(dead after t) = 1 - exp(-rate t)",
-    .source = "derived",
-    .stage = Stage::link,
-    .instructions = 3,
-    .parameters = {{"rate_1_h", "deaths of a channel an hour", 1e-5, 0, 1e6},
-                   {"way", "0 it sticks, 1 it goes to its saturation limit, 2 it is missing", 0, 0, 2}},
-    .bound = bound,
-    .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<DeadChannel>(s); }};
+const EffectEntry entry{.name = "dead_channel",
+                        .title = "a channel dies",
+                        .equation = "P(dead after t) = 1 - exp(-rate t)",
+                        .source = "derived",
+                        .stage = Stage::link,
+                        .instructions = 3,
+                        .models = kAll | kTaxel,
+                        .parameters = {{"rate_1_h", "deaths of a channel an hour", 1e-5, 0, 1e6},
+                                       {"way", "0 it sticks, 1 it goes to its saturation limit, 2 it is missing", 0, 0, 2}},
+                        .bound = bound,
+                        .make = [](const Setting& s) -> std::unique_ptr<Effect> { return std::make_unique<DeadChannel>(s); },
+                        .in_array = InArray::each_taxel};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -42,6 +42,7 @@ const EffectEntry entry{
     .source = "thesis: 1.85 % and 5.3 % between samples",
     .stage = Stage::transducer,
     .instructions = 90,
+    .models = kAll | kTaxel,
     .parameters = {{"deviation", "of the gains, relative; by default by the sensor's model", kByModel, 0, 0.2},
                    {"offset_N", "standard deviation of the zeros", 0, 0, 100}},
     .bound = bound,

@@ -82,6 +82,7 @@ const EffectEntry entry{
     .source = "Prandtl, Ishlinskii; table 4.84 %: Lee, thesis",
     .stage = Stage::material,
     .instructions = 1100,
+    .models = kAll | kTaxel,
     .parameters = {{"width", "of full scale, the loop from 0 to full scale; by default by the sensor's model", kByModel, 0,
                     0.5}},
     .bound = bound,

@@ -65,11 +65,13 @@ const EffectEntry entry{.name = "lost_frames",
                         .source = "Gilbert 1960, Elliott 1963",
                         .stage = Stage::link,
                         .instructions = 50,
+                        .models = kAll | kTaxel,
                         .parameters = {{"begins", "probability that a frame begins a burst", 1e-5, 0, 1},
                                        {"ends", "probability that a frame ends it", 0.5, 0, 1},
                                        {"most", "frames of a burst", 20, 1, 10000}},
                         .bound = bound,
-                        .make = make};
+                        .make = make,
+                        .in_array = InArray::frame};
 
 }  // namespace
 }  // namespace tactiled::sim

@@ -33,6 +33,7 @@ const EffectEntry entry{
     .source = "Cao et al. 2023: 5.14e-6; recorded load cells: 0.025 to 0.043 % of full scale",
     .stage = Stage::converter,
     .instructions = 380,
+    .models = kAll | kTaxel,
     .parameters = {{"deviation_N", "one standard deviation; by default by the sensor's model", kByModel, 0, 100}},
     .bound = bound,
     .make = make,

@@ -24,6 +24,7 @@ inline double comes_back(const Setting& s, Axis axis) {
 inline double half_size_m(const Sensor& sensor) {
     if (sensor.model == Model::table) return sensor.table.plate_radius_m;
     if (sensor.model == Model::capacitive) return sensor.capacitive.disc_radius_m;
+    if (sensor.model == Model::taxel) return sensor.pitch_m / 2;
     return std::sqrt(sensor.hair.area_m2 / std::numbers::pi);
 }
 

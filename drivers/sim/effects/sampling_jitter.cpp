@@ -24,6 +24,7 @@ const EffectEntry entry{.name = "sampling_jitter",
                         .source = "derived: error = rate of change * sigma",
                         .stage = Stage::time,
                         .instructions = 60,
+                        .models = kAll | kTaxel,
                         .parameters = {{"deviation_s", "one standard deviation", 1e-6, 0, 1e-2}},
                         .bound = bound,
                         .make = make};

@@ -22,6 +22,7 @@ inline Skin skin(const Sensor& sensor) {
         const double area_over_height = hair.area_m2 / std::max(hair.height_m, 1e-6);
         return {hair.young_Pa, 0.49, hair.young_Pa * area_over_height, hair.young_Pa / 2.98 * area_over_height};
     }
+    if (sensor.model == Model::taxel) return {sensor.taxel.young_Pa, 0.49, 1e9, 1e9};
     const CapacitiveSample& pad = sensor.capacitive;
     return {pad.young_Pa, pad.poisson, 1 / std::max(pad.strain_per_N * pad.gap_m, 1e-9),
             1 / std::max(pad.shift_per_N_m, 1e-9)};

@@ -78,6 +78,7 @@ const EffectEntry entry{
     .source = "Levy's construction",
     .stage = Stage::transducer,
     .instructions = 290,
+    .models = kAll | kTaxel,
     .parameters = {{"after_1_s_N", "standard deviation after one second; by default 1e-5 of full scale", kByModel, 0, 100}},
     .bound = bound,
     .make = make};
