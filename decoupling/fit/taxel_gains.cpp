@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 #include <limits>
 #include <utility>
 
@@ -80,20 +81,21 @@ TaxelGains::Normal TaxelGains::normal(const GainEquations& equations, const Eige
     return out;
 }
 
-// Factorises the sum of the information and the prior.
-bool TaxelGains::factorise(const Normal& normal, Factor& out) const {
+// Factorises the sum of the information and the prior. A factor is used for one pattern of the information.
+bool TaxelGains::factorise(const Normal& normal, const Eigen::VectorXd& u, Factor& out) const {
     Sparse prior(gain.size(), gain.size());
     prior.setIdentity();
-    prior.diagonal() = u_ / (s * s);
-    out.compute(normal.information + prior);
+    prior.diagonal() = u / (s * s);
+    const Sparse sum = normal.information + prior;
+    if (out.rows() != sum.rows()) out.analyzePattern(sum);
+    out.factorize(sum);
     return out.info() == Eigen::Success && out.vectorD().minCoeff() > 0;
 }
 
 // -2 log likelihood of s and the spreads with the present u, less a constant.
-double TaxelGains::misfit(const GainEquations& equations) const {
+double TaxelGains::misfit(const GainEquations& equations, Factor& factor) const {
     const Normal sums = normal(equations, Eigen::VectorXd::Ones(equations.y.size()));
-    Factor factor;
-    if (!factorise(sums, factor)) return std::numeric_limits<double>::infinity();
+    if (!factorise(sums, u_, factor)) return std::numeric_limits<double>::infinity();
     const double value = sums.fit + factor.vectorD().array().log().sum() - (u_ / (s * s)).array().log().sum() -
                          sums.right.dot(factor.solve(sums.right));
     return std::isfinite(value) ? value : std::numeric_limits<double>::infinity();
@@ -101,7 +103,8 @@ double TaxelGains::misfit(const GainEquations& equations) const {
 
 // Minimises along each of log s and the logs of the spreads in turn, with ever smaller steps from `step` on.
 void TaxelGains::search(const GainEquations& equations, double step) {
-    double best = misfit(equations);
+    Factor factor;
+    double best = misfit(equations, factor);
     for (; step > kFinestStep; step = std::sqrt(step))
         for (bool any = true; any;) {
             any = false;
@@ -110,7 +113,7 @@ void TaxelGains::search(const GainEquations& equations, double step) {
                     for (;;) {
                         const double before = *value;
                         *value = std::max(kSmallest, before * by);
-                        const double now = *value != before ? misfit(equations) : best;
+                        const double now = *value != before ? misfit(equations, factor) : best;
                         if (!(now < best)) {
                             *value = before;
                             break;
@@ -122,44 +125,57 @@ void TaxelGains::search(const GainEquations& equations, double step) {
 }
 
 // Draws e given u, then u given e: a Gamma variable of the shape (nu + 1) / 2 = 2, which is the sum of two exponential ones.
-TaxelGains::Sums TaxelGains::sample(const Normal& normal, int sweeps, std::mt19937_64& random) {
+TaxelGains::Sums TaxelGains::chain(const Normal& normal, int sweeps, std::uint64_t seed) const {
     static_assert(kNu == 3);
     using Eigen::VectorXd;
     const Eigen::Index n = gain.size();
     const double limit = contact_level(std::size_t(n)) * bulk_sd();
+    std::mt19937_64 random(seed);
     std::normal_distribution<double> gauss(0, 1);
     std::exponential_distribution<double> exponential(1);
     Sums sums{VectorXd::Zero(n), VectorXd::Zero(n), VectorXd::Zero(n), VectorXd::Zero(n)};
+    VectorXd u = u_;
     Factor factor;
     for (int sweep = 0; sweep < sweeps; ++sweep) {
-        if (!factorise(normal, factor)) throw Undetermined("the presses contradict each other: no gains explain them");
+        if (!factorise(normal, u, factor)) throw Undetermined("the presses contradict each other: no gains explain them");
         VectorXd z(n);
         for (Eigen::Index i = 0; i < n; ++i) z[i] = gauss(random) / std::sqrt(factor.vectorD()[i]);
         const VectorXd turned = factor.matrixU().solve(z);
         const VectorXd error = factor.solve(normal.right) + factor.permutationPinv() * turned;
         for (Eigen::Index i = 0; i < n; ++i) {
             const double two = exponential(random) + exponential(random);
-            u_[i] = 2 * two / (kNu + error[i] * error[i] / (s * s));
+            u[i] = 2 * two / (kNu + error[i] * error[i] / (s * s));
             sums.far[i] += std::abs(error[i]) > limit ? 1. / sweeps : 0;
         }
         sums.error += error / sweeps;
         sums.square += error.cwiseAbs2() / sweeps;
-        sums.u += u_ / sweeps;
+        sums.u += u / sweeps;
     }
+    return sums;
+}
+
+// Two chains side by side, for two cores, of half as many sweeps each. The result depends on the seed alone.
+TaxelGains::Sums TaxelGains::sample(const Normal& normal, int sweeps, std::uint64_t seed) const {
+    auto other = std::async(std::launch::async, [&] { return chain(normal, sweeps / 2, 2 * seed + 1); });
+    Sums sums = chain(normal, sweeps / 2, 2 * seed);
+    const Sums more = other.get();
+    sums.error = (sums.error + more.error) / 2;
+    sums.square = (sums.square + more.square) / 2;
+    sums.u = (sums.u + more.u) / 2;
+    sums.far = (sums.far + more.far) / 2;
     return sums;
 }
 
 void TaxelGains::fit(const GainEquations& equations) {
     const Eigen::VectorXd all = Eigen::VectorXd::Ones(equations.y.size());
-    std::mt19937_64 random(1);
     for (int round = 0; round < kRounds; ++round) {
         search(equations, round == 0 ? 2 : 1.2);
-        const Sums sums = sample(normal(equations, all), kBurnIn, random);
+        const Sums sums = sample(normal(equations, all), kBurnIn, std::uint64_t(round));
         gain = Eigen::VectorXd::Ones(gain.size()) + sums.error;
         u_ = sums.u;
     }
     search(equations, 1.2);
-    const Sums sums = sample(normal(equations, all), kSweeps, random);
+    const Sums sums = sample(normal(equations, all), kSweeps, kRounds);
     gain = Eigen::VectorXd::Ones(gain.size()) + sums.error;
     sd = (sums.square - sums.error.cwiseAbs2()).cwiseSqrt();
     u_ = sums.u;
@@ -185,7 +201,7 @@ TaxelGains::HeldOut TaxelGains::hold_out(const GainEquations& equations) const {
         }
         const Normal sums = normal(equations, used);
         Factor factor;
-        if (rows.empty() || !factorise(sums, factor)) continue;
+        if (rows.empty() || !factorise(sums, u_, factor)) continue;
         Eigen::SparseMatrix<double> left(gain.size(), Eigen::Index(rows.size()));
         left.setFromTriplets(triplets.begin(), triplets.end());
         const Eigen::VectorXd of_gains = quadratic_forms(factor, left);
@@ -210,7 +226,7 @@ TaxelGains::HeldOut TaxelGains::hold_out(const GainEquations& equations) const {
 
 double TaxelGains::common_sd(const GainEquations& equations) const {
     Factor factor;
-    if (!factorise(normal(equations, Eigen::VectorXd::Ones(equations.y.size())), factor))
+    if (!factorise(normal(equations, Eigen::VectorXd::Ones(equations.y.size())), u_, factor))
         throw Undetermined("the presses contradict each other: no gains explain them");
     Eigen::VectorXd load = Eigen::VectorXd::Zero(gain.size());
     for (Eigen::Index k = 0; k < equations.y.size(); ++k)

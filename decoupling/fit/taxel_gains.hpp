@@ -89,12 +89,13 @@ private:
     };
     [[nodiscard]] Eigen::VectorXd variance_of(const GainEquations& equations) const;
     [[nodiscard]] Normal normal(const GainEquations& equations, const Eigen::VectorXd& used) const;
-    [[nodiscard]] bool factorise(const Normal& normal, Factor& out) const;
-    [[nodiscard]] double misfit(const GainEquations& equations) const;
+    [[nodiscard]] bool factorise(const Normal& normal, const Eigen::VectorXd& u, Factor& out) const;
+    [[nodiscard]] double misfit(const GainEquations& equations, Factor& factor) const;
     void search(const GainEquations& equations, double step);
-    Sums sample(const Normal& normal, int sweeps, std::mt19937_64& random);
+    [[nodiscard]] Sums chain(const Normal& normal, int sweeps, std::uint64_t seed) const;
+    [[nodiscard]] Sums sample(const Normal& normal, int sweeps, std::uint64_t seed) const;
 
-    Eigen::VectorXd u_;  // last of the sampled ones, or their means
+    Eigen::VectorXd u_;  // means of the sampled ones
 };
 
 }  // namespace tactiled

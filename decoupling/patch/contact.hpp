@@ -71,7 +71,7 @@ private:
     void put_axis(tactiled_array& array) const noexcept;
 
     const TaxelPlaces& places_;
-    const TaxelNoise& noise_;
+    TaxelNoise noise_;
     float z_, limit_N_;
     Doubts doubts_;
     const std::array<std::vector<float>, 3>* stated_ = nullptr;  // sd that the taxels of the last reading state

@@ -35,7 +35,7 @@ private:
     }
 
     const TaxelPlaces& places_;
-    const TaxelNoise& noise_;
+    TaxelNoise noise_;
     float z2_, most_above_;  // 0 = any
 };
 

@@ -54,7 +54,7 @@ private:
     void add_stated(const TaxelForces& forces) noexcept;
 
     const TaxelPlaces& places_;
-    const TaxelNoise& noise_;
+    TaxelNoise noise_;
     bool is_common_;
     std::vector<float> none_;                // a component that is not measured
     std::array<std::vector<float>, 3> arm_;  // r g

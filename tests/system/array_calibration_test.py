@@ -127,7 +127,7 @@ class FromCsvToForces(unittest.TestCase):
     def test_forces_of_new_presses_are_within_their_sd(self):
         errors = self.errors_of_presses(2, 3.5)
         # Errors of neighbours compensate each other in a wide contact: with their covariance, which the model does not use, 63 to
-        # 74 % of such presses are within one sd, and 78 to 83 % without it (four arrays). A narrow press has its taxel's own sd.
+        # 74 % of such presses are within one sd, and 78 to 83 % without it (three arrays). A narrow press has its taxel's own sd.
         self.assertGreaterEqual(sum(abs(e) <= 1 for e in errors) / len(errors), 0.58)
         self.assertLess(max(map(abs, errors)), 5)
         errors = self.errors_of_presses(0.5, 0.5)
