@@ -124,8 +124,8 @@ void judge_pad(std::size_t channels) {
         const Load load = random_load(random, std::exp(between(random, std::log(0.02), std::log(5))));
         const std::vector<double> channel = read(load);
         const Estimate e = decoupler->decouple({.channel = channel});
-        judged.add(place_of(e.wrench_S, e.sd, e.correlation), {load.x, load.y}, bound_of(gain * load.slope() / kNoise),
-                   -e.wrench_S[2] / e.sd[2]);
+        judged.add(place_of(e.wrench_S, e.sd, covariance_of(e.correlation, e.sd)), {load.x, load.y},
+                   bound_of(gain * load.slope() / kNoise), -e.wrench_S[2] / e.sd[2]);
     }
     judged.print();
 }
