@@ -147,7 +147,7 @@ class ArrayRecord(unittest.TestCase):
                     continue
                 frame, height, width, field = cloud_of(clouds[sequence])
                 self.assertEqual((frame, height, width), (name, *((8, 12) if name == "skin" else (1, 45))))
-                forces = [[float(force) for force in taxel] for taxel in array.force_S_N]
+                forces = array.force_S_N.tolist()
                 axes = ["fz_N"] if device.values == 1 else ["fx_N", "fy_N", "fz_N"]
                 for c, axis in enumerate(axes):
                     self.assertEqual(bits(field[axis]), bits([taxel[c] for taxel in forces]))
@@ -169,7 +169,8 @@ class ArrayRecord(unittest.TestCase):
         self.assertEqual((status, errors, [sensor["first_difference"] for sensor in sensors]), (0, "", ["", ""]))
         for sensor in sensors:
             self.assertGreater(sensor["frames"], 190)
-            self.assertEqual({sensor[key] for key in ("frames", "compared", "equal", "arrays", "taxels")}, {sensor["frames"]})
+            self.assertEqual({sensor[key] for key in ("compared", "equal", "arrays", "taxels")}, {sensor["compared"]})
+            self.assertIn(sensor["frames"] - sensor["compared"], (0, 1))  # the last sample may be later than the recorder's end
             self.assertEqual(sensor["without_sd"], 0)
 
     def test_a_recording_of_a_running_daemon_has_maps_at_the_rate_of_the_option(self):
@@ -201,7 +202,8 @@ class ArrayRecord(unittest.TestCase):
         rows = {}
         for folder in (self.daemon.folder, other):
             tactilectl("replay", self.file, "--config", folder / "tactiled.toml", "--sensor", "skin", "--out", folder / "forces.csv")
-            rows[folder] = [float(row["fz_N"] or 0) for row in csv.DictReader((folder / "forces.csv").open())]
+            with (folder / "forces.csv").open() as forces:
+                rows[folder] = [float(row["fz_N"] or 0) for row in csv.DictReader(forces)]
         self.assertAlmostEqual(rows[other][100] / rows[self.daemon.folder][100], 2, 5)
 
     def test_a_difference_of_the_results_alone_is_found(self):
@@ -240,7 +242,7 @@ class ArrayRecord(unittest.TestCase):
         status, sensors, errors = self.replay(file)
         self.assertEqual((status, [sensor["first_difference"] for sensor in sensors]), (0, ["", ""]))
         self.assertIn("its end is missing", errors)
-        self.assertTrue(all(sensor["arrays"] == sensor["frames"] > 60 for sensor in sensors), sensors)
+        self.assertTrue(all(sensor["arrays"] == sensor["compared"] > 60 for sensor in sensors), sensors)
 
     def test_a_recorder_that_is_too_slow_says_how_much_it_missed(self):
         file = self.daemon.folder / "slow.mcap"
@@ -274,7 +276,8 @@ class ArrayRecord(unittest.TestCase):
         self.assertIn("there.skin.taxels.csv: Is a directory", done.stderr)
 
     def test_the_csv_has_a_row_for_each_taxel_of_each_map(self):
-        rows = list(csv.DictReader((self.daemon.folder / "press.skin.taxels.csv").open()))
+        with (self.daemon.folder / "press.skin.taxels.csv").open() as table:
+            rows = list(csv.DictReader(table))
         clouds = self.messages["skin/taxels"]
         self.assertEqual(len(rows), 96 * len(clouds))
         _, _, _, field = cloud_of(clouds[150][1])
