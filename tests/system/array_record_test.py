@@ -169,7 +169,8 @@ class ArrayRecord(unittest.TestCase):
         self.assertEqual((status, errors, [sensor["first_difference"] for sensor in sensors]), (0, "", ["", ""]))
         for sensor in sensors:
             self.assertGreater(sensor["frames"], 190)
-            self.assertEqual({sensor[key] for key in ("compared", "equal", "arrays", "taxels")}, {sensor["compared"]})
+            self.assertEqual({sensor[key] for key in ("compared", "equal", "arrays")}, {sensor["compared"]})
+            self.assertGreater(sensor["taxels"], 100)  # one a millisecond at most: late frames may come together
             self.assertIn(sensor["frames"] - sensor["compared"], (0, 1))  # the last sample may be later than the recorder's end
             self.assertEqual(sensor["without_sd"], 0)
 
@@ -280,8 +281,8 @@ class ArrayRecord(unittest.TestCase):
             rows = list(csv.DictReader(table))
         clouds = self.messages["skin/taxels"]
         self.assertEqual(len(rows), 96 * len(clouds))
-        _, _, _, field = cloud_of(clouds[150][1])
-        part = rows[96 * 150:96 * 151]
+        _, _, _, field = cloud_of(clouds[100][1])
+        part = rows[96 * 100:96 * 101]
         self.assertEqual(bits([float(row["fz_N"] or "nan") for row in part]), bits(field["fz_N"]))
         self.assertEqual([(row["taxel"], row["state"]) for row in part if row["state"]], [(str(DEAD), "dead"), (str(MISSING), "missing")])
         self.assertEqual({row["fx_N"] for row in rows}, {""})
