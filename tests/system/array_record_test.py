@@ -237,7 +237,10 @@ class ArrayRecord(unittest.TestCase):
     def test_a_killed_recorder_leaves_what_it_has_written(self):
         file = self.daemon.folder / "killed.mcap"
         recorder = subprocess.Popen([BIN / "tactilectl", "record", file, "--node", self.daemon.name])
-        wait_for(lambda: sum(1 for topic, _, _ in (read_mcap.messages(file) if file.exists() else ()) if topic.endswith("skin/array")) > 60, "60 arrays")
+        def written(sensor):
+            return sum(1 for topic, _, _ in (read_mcap.messages(file) if file.exists() else ()) if topic.endswith(f"{sensor}/array"))
+
+        wait_for(lambda: min(written("skin"), written("tip")) > 60, "60 arrays of each")
         recorder.kill()
         recorder.wait()
         status, sensors, errors = self.replay(file)
