@@ -2,8 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <bit>
 #include <cmath>
 #include <iterator>
+#include <limits>
 
 #include "node/ctl/grasp_text.hpp"
 #include "node/ctl/status_text.hpp"
@@ -34,10 +37,10 @@ public:
         name_ = name;
         fmt::format_to(std::back_inserter(out), "# HELP {} {}\n# TYPE {} {}\n", name, help, name, type);
     }
+    // A value that is not known has no sample, so that no query, alert or panel takes an earlier one for it.
     void sample(const std::string& labels, double value) {
-        const std::string number = std::isnan(value)   ? "NaN"
-                                   : std::isinf(value) ? (value > 0 ? "+Inf" : "-Inf")
-                                                       : fmt::format("{}", value);
+        if (std::isnan(value)) return;
+        const std::string number = std::isinf(value) ? (value > 0 ? "+Inf" : "-Inf") : fmt::format("{}", value);
         fmt::format_to(std::back_inserter(out), "{}{}{}{} {}\n", name_, labels.empty() ? "" : "{", labels,
                        labels.empty() ? "" : "}", number);
     }
@@ -49,6 +52,45 @@ private:
 
 std::string label(const char* key, std::string_view value) { return fmt::format("{}=\"{}\"", key, escaped(value)); }
 
+// A stable weight is GOOD; one that still changes, or is doubted, is UNCERTAIN; the other states have no weight.
+std::uint32_t quality_of_weight(const tactiled_grasp& g) {
+    if (g.weight_state == TACTILED_WEIGHT_STABLE) return TACTILED_GOOD;
+    return g.weight_state == TACTILED_WEIGHT_ESTIMATING ? TACTILED_UNCERTAIN : TACTILED_BAD;
+}
+
+std::uint32_t worst_quality(const View& view) {
+    std::uint32_t worst = TACTILED_GOOD;
+    for (std::uint32_t i = 0; i < view.n_sensors(); ++i) {
+        const std::uint32_t quality = view.snapshot.sensor[i].quality;
+        worst = std::max(worst, quality == TACTILED_NO_VALUE ? std::uint32_t(TACTILED_BAD) : quality);
+    }
+    return worst;
+}
+
+// The label `quality` of a value: a GOOD and an UNCERTAIN value are samples of different series. "" for a value that is
+// BAD, which has no sample.
+std::string mark(std::uint32_t quality) {
+    const bool has_value = quality == TACTILED_GOOD || quality == TACTILED_UNCERTAIN;
+    return has_value ? label("quality", ctl::quality_text(quality, 0)) : "";
+}
+
+void put_qualities(Page& page, const std::string& labels, std::uint32_t quality) {
+    for (const std::uint32_t each : {TACTILED_NO_VALUE, TACTILED_GOOD, TACTILED_UNCERTAIN, TACTILED_BAD})
+        page.sample(labels + label("quality", ctl::quality_text(each, 0)), quality == each ? 1 : 0);
+}
+
+void put_axes(Page& page, const std::string& labels, std::uint32_t quality, const double (&values)[3]) {
+    const std::string marked = mark(quality);
+    if (marked.empty()) return;
+    for (std::size_t c = 0; c < 3; ++c) page.sample(labels + label("axis", kAxes[c]) + "," + marked, values[c]);
+}
+
+// One sample for each bit, with the word that `word_of` gives for it.
+template <class WordOf>
+void put_bits(Page& page, const std::string& labels, const char* key, unsigned n_bits, std::uint32_t value, WordOf word_of) {
+    for (unsigned bit = 0; bit < n_bits; ++bit) page.sample(labels + label(key, word_of(1u << bit)), value >> bit & 1u);
+}
+
 void put_sensors(Page& page, const View& view) {
     const auto each = [&](auto&& put) {
         for (std::uint32_t i = 0; i < view.n_sensors(); ++i)
@@ -57,15 +99,17 @@ void put_sensors(Page& page, const View& view) {
     const auto axes = [&](const char* name, const char* help, auto values) {
         page.metric(name, "gauge", help);
         each([&](const tactiled_sample& s, const std::string& sensor, std::uint32_t) {
-            for (std::size_t c = 0; c < 3; ++c) page.sample(sensor + "," + label("axis", kAxes[c]), (s.*values)[c]);
+            put_axes(page, sensor + ",", s.quality, s.*values);
         });
     };
     page.metric("tactiled_sensor_quality", "gauge", "1 for the quality of the newest sample, 0 for the others.");
-    each([&](const tactiled_sample& s, const std::string& sensor, std::uint32_t) {
-        for (const std::uint32_t quality : {TACTILED_NO_VALUE, TACTILED_GOOD, TACTILED_UNCERTAIN, TACTILED_BAD})
-            page.sample(sensor + "," + label("quality", ctl::quality_text(quality, 0)), s.quality == quality ? 1 : 0);
+    each([&](const auto& s, const auto& sensor, auto) { put_qualities(page, sensor + ",", s.quality); });
+    page.metric("tactiled_sensor_reason", "gauge", "1 for each reason of the newest sample.");
+    each([&](const auto& s, const auto& sensor, auto) {
+        put_bits(page, sensor + ",", "reason", ctl::kReasonWords.size(), s.reasons,
+                 [](std::uint32_t bit) { return ctl::kReasonWords[std::size_t(std::countr_zero(bit))]; });
     });
-    axes("tactiled_sensor_force_newtons", "Tared force of the world on the sensor, frame S; NaN: no value.",
+    axes("tactiled_sensor_force_newtons", "Tared force of the world on the sensor, frame S; no sample: no value.",
          &tactiled_sample::force_S_N);
     axes("tactiled_sensor_force_uncertainty_newtons", "One standard uncertainty of the force.",
          &tactiled_sample::sd_force_N);
@@ -74,11 +118,12 @@ void put_sensors(Page& page, const View& view) {
          &tactiled_sample::sd_torque_Nm);
     page.metric("tactiled_sensor_age_seconds", "gauge", "Age of the newest sample.");
     each([&](const auto& s, const auto& sensor, auto) { page.sample(sensor, ctl::age_ms(s, view.taken_ns) / 1000); });
-    page.metric("tactiled_sensor_age_bound_seconds", "gauge", "Largest possible age of the newest frame; NaN: not known.");
+    page.metric("tactiled_sensor_age_bound_seconds", "gauge",
+                "Largest possible age of the newest frame; no sample: not known.");
     each([&](const auto&, const auto& sensor, auto i) { page.sample(sensor, ctl::age_bound_ms(*view.segment, i) / 1000); });
     page.metric("tactiled_sensor_rate_hertz", "gauge", "Samples in a second, measured.");
     each([&](const auto& s, const auto& sensor, auto) { page.sample(sensor, double(s.rate_Hz)); });
-    page.metric("tactiled_sensor_temperature_celsius", "gauge", "Temperature; NaN: not measured.");
+    page.metric("tactiled_sensor_temperature_celsius", "gauge", "Temperature; no sample: not measured.");
     each([&](const auto& s, const auto& sensor, auto) { page.sample(sensor, double(s.temperature_C)); });
     page.metric("tactiled_sensor_contact", "gauge", "1 while the sensor is touched.");
     each([&](const auto& s, const auto& sensor, auto) { page.sample(sensor, (s.state & TACTILED_CONTACT) != 0 ? 1 : 0); });
@@ -128,35 +173,71 @@ void put_node(Page& page, const View& view) {
         (node.status & TACTILED_RT_DEGRADED) != 0 ? 1 : 0);
     one("tactiled_simulated", "gauge", "1: a link is simulated or replayed.",
         (node.status & TACTILED_SIMULATED) != 0 ? 1 : 0);
-    page.metric("tactiled_wakeup_lateness_seconds", "gauge", "How late the loop woke, since the start of the daemon.");
+    page.metric("tactiled_wakeup_lateness_seconds", "summary", "How late the loop woke, since the start of the daemon.");
     const Lateness late = view.segment->lateness();
     for (const double q : {0.5, 0.99, 0.999})
         page.sample(label("quantile", fmt::format("{}", q)), lateness_quantile_ns(late, q) / 1e9);
-    const auto& g = node.grasp;
+}
+
+void put_grasp(Page& page, const View& view) {
+    const auto& g = view.snapshot.node.grasp;
+    const auto one = [&](const char* name, const char* type, const char* help, const std::string& labels, double value) {
+        page.metric(name, type, help);
+        page.sample(labels, value);
+    };
     page.metric("tactiled_grip_state", "gauge", "1 for the state of the gripper.");
     for (const std::uint32_t state : {0u, 1u, 2u, 3u, 4u, 5u, 6u, std::uint32_t(TACTILED_GRIP_UNKNOWN)})
         page.sample(label("state", ctl::grip_state_text(state)), g.state == state ? 1 : 0);
-    one("tactiled_weight_kilograms", "gauge", "Weight of the object; NaN: not known.", g.weight_kg);
-    one("tactiled_weight_uncertainty_kilograms", "gauge", "One standard uncertainty of the weight.", g.weight_sd_kg);
-    one("tactiled_grip_newtons", "gauge", "Normal force of a jaw.", double(g.grip_N));
-    one("tactiled_grasps_total", "counter", "Grasps.", g.grasps);
-    one("tactiled_slips_total", "counter", "Gross slips of all jaws.", g.slips);
+    page.metric("tactiled_weight_state", "gauge", "1 for the state of the weight.");
+    for (std::uint32_t state = 0; state <= TACTILED_WEIGHT_NOT_OBSERVABLE; ++state)
+        page.sample(label("state", ctl::weight_state_text(state)), g.weight_state == state ? 1 : 0);
+    page.metric("tactiled_weight_doubt", "gauge", "1 for each reason for which the weight is not stable.");
+    put_bits(page, "", "kind", 8, g.weight_doubts, &ctl::doubts_text);
+    const std::string weight = mark(quality_of_weight(g));
+    const double none = std::numeric_limits<double>::quiet_NaN();
+    one("tactiled_weight_kilograms", "gauge", "Weight of the object; uncertain: it is not stable; no sample: not known.",
+        weight, weight.empty() ? none : g.weight_kg);
+    one("tactiled_weight_uncertainty_kilograms", "gauge", "One standard uncertainty of the weight.", weight,
+        weight.empty() ? none : g.weight_sd_kg);
+    one("tactiled_grip_newtons", "gauge", "Normal force of a jaw; uncertain: a sensor of the node is not good.",
+        mark(worst_quality(view)), g.state == TACTILED_GRIP_UNKNOWN ? none : double(g.grip_N));
+    one("tactiled_grasps_total", "counter", "Grasps.", "", g.grasps);
+    one("tactiled_slips_total", "counter", "Gross slips of all jaws.", "", g.slips);
+}
+
+// The wrench on the gripper, where the configuration has a [tool].
+void put_tool(Page& page, const tactiled_tool& tool) {
+    if (tool.quality == TACTILED_NO_VALUE) return;
+    page.metric("tactiled_tool_quality", "gauge", "1 for the quality of the wrench on the gripper, 0 for the others.");
+    put_qualities(page, "", tool.quality);
+    page.metric("tactiled_tool_reason", "gauge", "1 for each reason for which the wrench has a weakness or no value.");
+    put_bits(page, "", "reason", 7, tool.why, &ctl::tool_why_text);
+    const auto axes = [&](const char* name, const char* help, const double(&values)[3]) {
+        page.metric(name, "gauge", help);
+        put_axes(page, "", tool.quality, values);
+    };
+    axes("tactiled_tool_force_newtons", "Force of the world on the gripper, frame G; no sample: no value.", tool.force_G_N);
+    axes("tactiled_tool_force_uncertainty_newtons", "One standard uncertainty of the force.", tool.sd_force_N);
+    axes("tactiled_tool_torque_newton_meters", "Torque of the world on the gripper, frame G.", tool.torque_G_Nm);
+    axes("tactiled_tool_torque_uncertainty_newton_meters", "One standard uncertainty of the torque.", tool.sd_torque_Nm);
 }
 
 }  // namespace
 
 std::string metrics_text(const View& view, const std::string& node_name, std::size_t streams) {
     Page page;
-    page.metric("tactiled_up", "gauge", "1 while the daemon publishes.");
+    page.metric("tactiled_up", "gauge", "1 while the daemon publishes; the metrics of a daemon that does not are left out.");
     page.sample(label("node", node_name), view.is_alive ? 1 : 0);
     page.metric("tactiled_web_streams", "gauge", "Pages that are open.");
     page.sample("", double(streams));
     page.metric("tactiled_web_missed_samples_total", "counter", "Samples that this program was too slow to see.");
     page.sample("", double(view.missed));
-    if (!view.segment->is_open()) return page.out;
+    if (!view.is_alive) return page.out;
     page.metric("tactiled_info", "gauge", "Name and version of the daemon.");
     page.sample(label("node", view.segment->header().name) + "," + label("version", view.segment->header().version), 1);
     put_node(page, view);
+    put_grasp(page, view);
+    put_tool(page, view.snapshot.node.tool);
     put_sensors(page, view);
     put_links(page, view);
     return page.out;

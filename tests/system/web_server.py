@@ -13,7 +13,7 @@ import unittest
 
 import process_costs
 from daemon import BIN, PATIENCE_S, free_port, wait_for
-from unit_daemon import quality_is, unit_daemon
+from unit_daemon import CONFIG, quality_is, unit_daemon
 
 PROGRAM = BIN / "tactiled-web"
 TOKEN = "0123456789abcdef-of-a-test"
@@ -130,11 +130,12 @@ class WebCase(unittest.TestCase):
 
     rows = "0,1,2,-3\n0.01,1,2,-3\n"
     rate = 200
+    config = CONFIG
 
     def setUp(self):
         if not PROGRAM.exists():
             self.skipTest("tactiled-web is not built: libmicrohttpd-dev was missing")
-        self.daemon = unit_daemon(self.rows, self.rate).start()
+        self.daemon = unit_daemon(self.rows, self.rate, self.config).start()
         self.addCleanup(shutil.rmtree, self.daemon.folder)
         self.addCleanup(self.daemon.__exit__)
         wait_for(quality_is(self.daemon, "good"), "a good value")

@@ -7,6 +7,7 @@ import json
 import math
 import os
 import pathlib
+import re
 import shutil
 import socket
 import statistics
@@ -23,6 +24,7 @@ from pymodbus.client import ModbusTcpClient
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from daemon import PATIENCE_S, ROOT, Stopwatch, free_port, wait_for  # noqa: E402
+from forged_node import REASONS, ForgedNode  # noqa: E402
 from hostile_web import KINDS, Hostile, ordinary  # noqa: E402
 from unit_daemon import CONFIG, quality_is, unit_daemon  # noqa: E402
 from mcap_bytes import with_checksums, with_quality  # noqa: E402
@@ -31,6 +33,14 @@ from web_server import PROGRAM, TOKEN, Stream, Web, WebCase, column  # noqa: E40
 
 BAD = 3
 MAJOR_AT = 12  # offset of the layout's major version in tactiled_header
+TOOL = """
+[tool]
+
+[[tool.sensor]]
+sensor = "left"
+x_S_in_G = [1, 0, 0]
+z_S_in_G = [0, 0, 1]
+"""
 SCHEMA = json.loads((ROOT / "node/web/api.schema.json").read_text())
 
 
@@ -40,6 +50,92 @@ def of(metrics, name, **labels):
              if s.name == name and all(s.labels.get(k) == v for k, v in labels.items())]
     assert len(found) == 1, (name, labels, found)
     return found[0].value
+
+
+def samples_of(metrics):
+    """Returns {name: {labels: value}} of a text of metrics; refuses text that the format does not allow, and names that `promtool check metrics` complains of."""
+    found, name, kind = {}, None, None
+    for line in metrics.decode().splitlines():
+        if line.startswith("# HELP "):
+            name, text = line[7:].split(" ", 1)
+            assert name not in found and text, line
+            found[name] = {}
+        elif line.startswith("# TYPE "):
+            of_name, kind = line[7:].split(" ")
+            assert of_name == name and (kind == "counter") == name.endswith("_total"), line
+        else:
+            labels, value = re.fullmatch(rf'{name}(?:\{{((?:[a-z_]+="(?:[^"\\\n]|\\[\\n"])*",?)+)\}})? (\S+)', line).groups()
+            labels = tuple(re.findall(r'([a-z_]+)="((?:[^"\\]|\\.)*)"', labels or ""))
+            assert labels not in found[name] and not math.isnan(float(value)), line
+            assert ("quantile" in dict(labels)) == (kind == "summary"), line
+            found[name][labels] = float(value)
+    return {name: samples for name, samples in found.items() if samples}
+
+
+class Metrics(WebCase):
+    """The metrics of values that are not good."""
+
+    config = CONFIG + TOOL
+
+    def setUp(self):
+        super().setUp()
+        self.served = self.web()
+        data = self.daemon.segment.read_bytes()
+        self.daemon.stop()
+        self.node = self.enterContext(ForgedNode(self.daemon.name, data))
+        wait_for(lambda: self.served.status()["pid"] == os.getpid(), "the forged node")
+
+    def samples(self, name):
+        return samples_of(self.served.ask("/metrics")[2]).get(name, {})
+
+    def is_marked(self, name, quality, n):
+        """True if the metric has so many samples, all with this quality."""
+        samples = self.samples(name)
+        return len(samples) == n and all(("quality", quality) in labels for labels in samples)
+
+    def test_a_force_is_in_the_series_of_its_quality_and_in_none_if_it_is_bad(self):
+        force = "tactiled_sensor_force_newtons"
+        wait_for(lambda: self.is_marked(force, "good", 3), "a good value")
+        for bit, _, word, best in REASONS:
+            self.node.show(bit)
+            wait_for(lambda: self.samples("tactiled_sensor_reason").get((("sensor", "left"), ("reason", word))) == 1, word)
+            set_now = [labels[1][1] for labels, value in self.samples("tactiled_sensor_reason").items() if value == 1]
+            self.assertEqual(set_now, [word])
+            quality = {1: "good", 2: "uncertain", BAD: "bad"}[best]
+            self.assertEqual(self.samples("tactiled_sensor_quality")[("sensor", "left"), ("quality", quality)], 1)
+            for name in (force, "tactiled_sensor_force_uncertainty_newtons"):
+                self.assertTrue(self.is_marked(name, quality, 0 if best == BAD else 3), (name, word))
+
+    def test_a_weight_has_its_state_its_doubts_and_its_quality(self):
+        states = dict(none=None, estimating="uncertain", stable="good", overload=None)
+        states["not-observable"] = None
+        for number, (state, quality) in enumerate(states.items()):
+            doubts = 1 << 2 | 1 << 7 if state == "estimating" else 0
+            self.node.show_grasp(state=4, weight_state=number, weight_kg=0.2 if quality else math.nan, weight_sd_kg=0.01, weight_doubts=doubts)
+            wait_for(lambda: self.samples("tactiled_weight_state").get((("state", state),)) == 1, state)
+            self.assertEqual(sum(self.samples("tactiled_weight_state").values()), 1)
+            for name in ("tactiled_weight_kilograms", "tactiled_weight_uncertainty_kilograms"):
+                self.assertTrue(self.is_marked(name, quality, 1 if quality else 0), (name, state))
+            kinds = {labels[0][1] for labels, value in self.samples("tactiled_weight_doubt").items() if value == 1}
+            self.assertEqual(kinds, {"dead-shear", "late"} if doubts else set())
+
+    def test_the_wrench_on_the_gripper_has_its_quality_and_reasons(self):
+        force = "tactiled_tool_force_newtons"
+        self.node.show_tool(quality=0)
+        wait_for(lambda: not self.samples("tactiled_tool_quality"), "a node without a tool")
+        for quality, word, why, n in ((1, "good", 1 << 4, 3), (2, "uncertain", 1 << 3, 3), (BAD, "bad", 1 << 0, 0)):
+            self.node.show_tool(quality=quality, why=why, force_G_N=(1, 2, 3) if n else [math.nan] * 3)
+            wait_for(lambda: self.samples("tactiled_tool_quality").get((("quality", word),)) == 1, word)
+            self.assertTrue(self.is_marked(force, word, n), word)
+            reasons = [labels[0][1] for labels, value in self.samples("tactiled_tool_reason").items() if value == 1]
+            self.assertEqual(reasons, [{1: "moves", 2: "doubted", BAD: "gravity"}[quality]])
+
+    @unittest.skipUnless(shutil.which("promtool"), "promtool is not installed")
+    def test_promtool_has_no_complaint(self):
+        self.node.show_tool(quality=1, why=0)
+        wait_for(lambda: self.samples("tactiled_tool_quality"), "a wrench")
+        done = subprocess.run(["promtool", "check", "metrics"], input=self.served.ask("/metrics")[2], capture_output=True)
+        self.assertEqual((done.returncode, done.stdout + done.stderr), (0, b""))
 
 
 class Values(WebCase):
@@ -61,7 +157,7 @@ class Values(WebCase):
         self.assertEqual([round(f, 6) for f in self.registers()], force_N)
         metrics = web.ask("/metrics")[2]
         for axis, force in zip("xyz", force_N):
-            self.assertEqual(of(metrics, "tactiled_sensor_force_newtons", sensor="left", axis=axis), force)
+            self.assertEqual(of(metrics, "tactiled_sensor_force_newtons", sensor="left", axis=axis, quality="good"), force)
         self.assertEqual(of(metrics, "tactiled_up"), 1)
         self.assertEqual(of(metrics, "tactiled_sensor_quality", sensor="left", quality="good"), 1)
         self.assertGreater(of(metrics, "tactiled_link_events_total", link="usb0", kind="frames"), 2)
@@ -115,8 +211,7 @@ class Values(WebCase):
         self.assertEqual((status["alive"], status["sensors"][0]["force_S_N"]), (False, [None] * 3))
         metrics = web.ask("/metrics")[2]
         self.assertEqual(of(metrics, "tactiled_up"), 0)
-        self.assertTrue(math.isnan(of(metrics, "tactiled_sensor_force_newtons", sensor="left", axis="z")))
-        self.assertEqual(of(metrics, "tactiled_sensor_quality", sensor="left", quality="good"), 0)
+        self.assertEqual(samples_of(metrics).keys(), {"tactiled_up", "tactiled_web_streams", "tactiled_web_missed_samples_total"})
         self.daemon.start()
         frame = stream.until(lambda name, data: name == "frame" and data["alive"] and data["sensors"][0]["quality"] == 1)
         self.assertEqual(frame["sensors"][0]["force_N"], [1, 2, -3])
