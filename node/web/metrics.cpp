@@ -205,13 +205,13 @@ void put_grasp(Page& page, const View& view) {
     one("tactiled_slips_total", "counter", "Gross slips of all jaws.", "", g.slips);
 }
 
-// The wrench on the gripper, where the configuration has a [tool].
+// The wrench on the gripper; samples only where the configuration has a [tool].
 void put_tool(Page& page, const tactiled_tool& tool) {
-    if (tool.quality == TACTILED_NO_VALUE) return;
+    const bool has_tool = tool.quality != TACTILED_NO_VALUE;
     page.metric("tactiled_tool_quality", "gauge", "1 for the quality of the wrench on the gripper, 0 for the others.");
-    put_qualities(page, "", tool.quality);
+    if (has_tool) put_qualities(page, "", tool.quality);
     page.metric("tactiled_tool_reason", "gauge", "1 for each reason for which the wrench has a weakness or no value.");
-    put_bits(page, "", "reason", 7, tool.why, &ctl::tool_why_text);
+    if (has_tool) put_bits(page, "", "reason", 7, tool.why, &ctl::tool_why_text);
     const auto axes = [&](const char* name, const char* help, const double(&values)[3]) {
         page.metric(name, "gauge", help);
         put_axes(page, "", tool.quality, values);

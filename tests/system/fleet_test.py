@@ -139,6 +139,7 @@ class Fleet(unittest.TestCase):
         for port in self.web_ports:
             text = urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=30).read().decode()
             for family in text_string_to_metric_families(text):
+                names.add(family.name)  # a weight that is not known has no sample
                 for sample in family.samples:
                     if sample.name == "tactiled_up" and sample.value == 1:
                         up.add(sample.labels["node"])
