@@ -15,15 +15,12 @@ NO_VALUE, GOOD, UNCERTAIN, BAD = range(4)
 RUNNING = 2
 
 
-def reason_table():
-    """Returns [(bit, name, word, best quality)] from TACTILED_REASON_TABLE."""
-    text = (ROOT / "node/include/tactiled/layout.h").read_text()
-    rows = re.findall(r"X\((\w+), \"([\w-]+)\", TACTILED_(\w+), \d+,", text)
-    assert len(rows) == len(LAYOUT.enums["reason"]), rows
-    return [(LAYOUT.enums["reason"][name], name, word, {"GOOD": GOOD, "UNCERTAIN": UNCERTAIN, "BAD": BAD}[best]) for name, word, best in rows]
-
-
-REASONS = reason_table()
+QUALITY = {"GOOD": GOOD, "UNCERTAIN": UNCERTAIN, "BAD": BAD}
+ROWS = re.findall(r'X\((\w+), "([\w-]+)", TACTILED_(\w+), (\d+),', (ROOT / "node/include/tactiled/layout.h").read_text())
+assert len(ROWS) == len(LAYOUT.enums["reason"]), ROWS
+# From TACTILED_REASON_TABLE: (bit, name, word, best quality), and the number of FAULT of each bit in the register map.
+REASONS = [(LAYOUT.enums["reason"][name], name, word, QUALITY[best]) for name, word, best, _ in ROWS]
+FAULTS = {LAYOUT.enums["reason"][name]: int(number) for name, _, _, number in ROWS}
 
 
 def verdict(reasons):

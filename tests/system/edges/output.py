@@ -1,0 +1,52 @@
+"""An output of the product as a test looks at it.
+
+look() returns (value, time of the value or None) if a user of the output would take its present value for a good one, else None. Times are of
+CLOCK_MONOTONIC, in s. A second object of a class is a client that comes later. `needs`: the parts on the way of a value. `limit_s`: the age
+from which on the output must not show it. `lasts_s`: how long a message is taken for the present value, where messages are events."""
+import contextlib
+import http.client
+import subprocess
+import threading
+import time
+
+SENSOR, GOOD = "left", 1
+
+
+class Output:
+    needs = {"sensor", "daemon", "bridge"}
+    limit_s = 1.0
+    lasts_s = 0.2
+    newest, at_s = None, 0.0
+
+    def __init__(self, rig):
+        self.rig, self.ended, self.lock = rig, False, threading.Lock()
+        self.open()
+
+    def thread(self, work):
+        def run():
+            while not self.ended:
+                with contextlib.suppress(OSError, EOFError, ValueError, http.client.HTTPException):
+                    work()
+                time.sleep(0.02)
+        threading.Thread(target=run, daemon=True).start()
+
+    def lines(self, *words):
+        """Starts a program; came(line) has each line that it prints."""
+        process = self.process = subprocess.Popen([str(word) for word in words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+
+        def read():
+            for line in process.stdout:
+                self.came(line.rstrip("\n"))
+        threading.Thread(target=read, daemon=True).start()
+
+    def show(self, value):
+        self.newest, self.at_s = value, time.monotonic()
+
+    def look(self):
+        return self.newest if time.monotonic() - self.at_s < self.lasts_s else None
+
+    def close(self):
+        self.ended = True
+        if hasattr(self, "process"):
+            self.process.kill()
+            self.process.wait()

@@ -1,0 +1,228 @@
+"""The outputs of the product: with mqtt.py the one place that knows their fields for value, quality, time and expiry."""
+import http.client
+import json
+import math
+import socket
+import struct
+import subprocess
+import time
+
+import tactiled
+from promql import Store, panel, rules
+from st.interpreter import Program
+
+from edges.mqtt import HomeAssistant, Mqtt, MqttWeight
+from edges.output import GOOD, SENSOR, Output
+
+
+class Plc(Output):
+    """The printed function block, called after each read, as its first comment says; its outputs keep their values between calls."""
+    name, needs = "PLC text", {"sensor", "daemon", "network"}
+    lasts_s = math.inf
+    text = None
+
+    def open(self):
+        Plc.text = Plc.text or subprocess.run([self.rig.bin / "tactilectl", "map", "--format", "st", "--sensors", "1"], capture_output=True, text=True, check=True).stdout
+        self.block, self.socket = Program(Plc.text).instance("FB_TACTILED"), None
+        self.thread(self.cycle)
+
+    def cycle(self):
+        time.sleep(0.03)
+        self.call(*(self.rig.forged_registers() or (self.read(0, 32), self.read(100, 25))))
+
+    def read(self, at, count):
+        try:
+            self.socket = self.socket or socket.create_connection(("127.0.0.1", self.rig.modbus), 0.3)
+            self.socket.settimeout(0.3)
+            self.socket.sendall(struct.pack(">HHHBBHH", 1, 0, 6, 1, 4, at, count))
+            answer = b""
+            while len(answer) < 9 + 2 * count:
+                if not (data := self.socket.recv(300)):
+                    raise OSError
+                answer += data
+            return list(struct.unpack(f">{count}H", answer[9:]))
+        except OSError:
+            if self.socket:
+                self.socket.close()
+            self.socket = None
+            raise
+
+    def call(self, node, cells):
+        self.rig.registers = (node, cells)
+        self.block.call(GLOBAL_REGS=node, SENSOR_REGS=cells, CALLS_PER_SECOND=20)
+        usable = self.block.value("VALID") and self.block.value("SENSOR[0].OK")
+        self.show((self.block.value("SENSOR[0].FZ_N"), None) if usable else None)
+
+
+class Prometheus(Output):
+    """A model: scrapes twice a second, within 0.4 s; the dashboard's series of good forces. A value may be older by one scrape interval."""
+    name, needs = "Prometheus, forces of the dashboard", {"sensor", "daemon", "bridge", "network"}
+    period_s, timeout_s = 0.5, 0.4
+    limit_s = 1.0 + period_s
+    series = "Normal force"
+
+    def open(self):
+        self.store, self.scrapes = Store(), 0
+        self.thread(self.scrape)
+
+    def scrape(self):
+        began_s = time.monotonic()
+        try:
+            text = self.rig.get("/metrics", self.timeout_s)
+        except (OSError, http.client.HTTPException):
+            text = None
+        with self.lock:
+            self.store.scraped(began_s, "gripper:8080", text)
+            self.scrapes += 1
+        time.sleep(max(0, began_s + self.period_s - time.monotonic()))
+
+    def ask(self, expression):
+        with self.lock:
+            return self.store.ask(expression, time.monotonic())
+
+    def look(self):
+        found = self.ask(panel(self.series)[0])
+        return (min(found.values()), None) if found else None
+
+
+class PrometheusWeight(Prometheus):
+    name, needs, series = "Prometheus, weight of the dashboard", Prometheus.needs - {"sensor"}, "Weight"
+
+
+class Rules(Prometheus):
+    """The numbers at the top of the dashboard and the conditions of the alert rules: healthy if none of them shows anything."""
+    name = "Prometheus, numbers and alerts"
+
+    def look(self):
+        numbers = [value for title in ("Grippers that do not publish", "Sensors without a value", "Sensors that are uncertain") for value in self.ask(panel(title)[0]).values()]
+        alerts = [alert for alert, (expression, *_) in rules().items() if alert != "TactiledNoRealTime" and self.ask(expression)]
+        return ("all is well", None) if self.scrapes and not any(numbers) and not alerts else None
+
+
+class Dds(Output):
+    """A reader of Fast DDS on the topic of the wrench: each message is used."""
+    name = "DDS"
+
+    def open(self):
+        self.lines(self.rig.bin / "fastdds_reader", self.rig.domain, "600", f"rt/hand/{SENSOR}/wrench")
+
+    def came(self, line):
+        _, sent, _, numbers = line.split(" ", 3)
+        self.show((float(numbers.split()[2]), int(sent) / 1e9 - time.time() + time.monotonic()))
+
+
+class Rdt(Output):
+    """A client of a Net F/T: a record with the status 0 is used. It asks again while nothing comes."""
+    name, needs = "RDT", {"sensor", "daemon", "bridge", "network"}
+
+    def open(self):
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.settimeout(0.5)
+        self.thread(self.receive)
+
+    def receive(self):
+        self.socket.sendto(struct.pack("!HHI", 0x1234, 2, 0), ("127.0.0.1", self.rig.rdt))
+        while not self.ended:
+            fields = struct.unpack("!IIIiiiiii", self.socket.recv(100))
+            self.show((fields[5] / 1e6, None) if fields[2] == 0 else None)
+
+
+class LinuxCnc(Output):
+    """The pins of the HAL component, in a memory that outlives it: fz is used while `valid` is TRUE."""
+    name = "LinuxCNC"
+
+    def open(self):
+        pass
+
+    def look(self):
+        data = self.rig.hal_file.read_bytes() if self.rig.hal_file.exists() else b""
+        pins = {data[at:at + 48].rstrip(b"\0").decode().rpartition(".")[2]: data[at + 48:at + 56] for at in range(0, len(data), 56)}
+        if not pins.get("valid", b"\0")[0]:
+            return None
+        return (struct.unpack("=d", pins["fz"])[0], time.monotonic() - struct.unpack("=d", pins["age-s"])[0])
+
+
+class Web(Output):
+    """The stream of the web page. A frame is shown for 0.5 s at most, as by the page."""
+    name, needs, lasts_s = "Web page, stream", {"sensor", "daemon", "bridge", "network"}, 0.5
+
+    def open(self):
+        self.thread(self.follow)
+
+    def follow(self):
+        connection = http.client.HTTPConnection("127.0.0.1", self.rig.web, timeout=1)
+        try:
+            connection.request("GET", "/api/stream")
+            answer, is_frame = connection.getresponse(), True
+            while not self.ended and (line := answer.readline()):
+                if line.startswith(b"event: "):
+                    is_frame = False
+                elif line.startswith(b"data: ") and is_frame:
+                    frame = json.loads(line[6:])
+                    sensor = frame["sensors"][0] if frame["sensors"] else {}
+                    good = frame["alive"] and sensor.get("quality") == GOOD
+                    self.show((sensor["force_N"][2], frame["t_s"] - sensor["age_ms"] / 1000) if good else None)
+                elif line == b"\n":
+                    is_frame = True
+        finally:
+            connection.close()
+
+
+class Api(Output):
+    """/api/status, asked ten times a second with a limit of 0.3 s."""
+    name, needs = "Web page, /api/status", {"sensor", "daemon", "bridge", "network"}
+
+    def open(self):
+        self.thread(self.ask)
+
+    def ask(self):
+        time.sleep(0.08)
+        status = json.loads(self.rig.get("/api/status", 0.3))
+        sensor = status["sensors"][0] if status["sensors"] else {}
+        good = status["alive"] and sensor.get("quality") == "good"
+        self.show((sensor["force_S_N"][2], status["t_s"] - sensor["age_ms"] / 1000) if good else None)
+
+
+class ApiWeight(Api):
+    name, needs = "Web page, weight of /api/status", Api.needs - {"sensor"}
+
+    def ask(self):
+        time.sleep(0.08)
+        status = json.loads(self.rig.get("/api/status", 0.3))
+        good = status["alive"] and status["grasp"]["weight_state"] == "stable"
+        self.show((status["grasp"]["weight_kg"], None) if good else None)
+
+
+class Python(Output):
+    name, needs = "Python", {"sensor", "daemon"}
+    node = None
+
+    def open(self):
+        pass
+
+    def look(self):
+        try:
+            self.node = self.node or tactiled.open(self.rig.node)
+            sample = self.node.latest(SENSOR)
+        except tactiled.Error:
+            return None
+        return (sample.force_S_N[2], sample.t_ns / 1e9) if sample.quality == GOOD else None
+
+
+class C(Output):
+    name, needs, program = "C", {"sensor", "daemon"}, "reader_c"
+
+    def open(self):
+        self.lines(self.rig.folder / self.program, self.rig.node, SENSOR)
+
+    def came(self, line):
+        quality, fz_N, t_s = line.split()
+        self.show((float(fz_N), float(t_s)) if int(quality) == GOOD else None)
+
+
+class Cpp(C):
+    name, program = "C++", "reader_cpp"
+
+
+FORCES = [Plc, Mqtt, HomeAssistant, Prometheus, Rules, Dds, Rdt, LinuxCnc, Web, Api, Python, C, Cpp]
+WEIGHTS = [MqttWeight, PrometheusWeight, ApiWeight]  # where the node holds an object

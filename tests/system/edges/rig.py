@@ -1,0 +1,167 @@
+"""A daemon, every bridge, a broker and a network that can be cut, each of which a cause can kill, stop and bring back."""
+import http.client
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import time
+
+from bridge_process import Process
+from daemon import BIN, ROOT, free_port, halt, wait_for
+from forged_node import FAULTS, ForgedNode
+from unit_daemon import CONFIG, play, quality_is, unit_daemon
+from edges.relays import Network
+
+BROKER = shutil.which("mosquitto") or "/usr/sbin/mosquitto"
+NEEDED = [BIN / name for name in ("tactiled-mqtt", "tactiled-dds", "tactiled-rdt", "tactiled-web", "fastdds_reader")] + [pathlib.Path(BROKER)]
+HERE = pathlib.Path(__file__).parent
+STALE_MS = 500
+SENSOR_GOOD, SENSOR_UNCERTAIN = 0x0001, 0x1000
+
+
+class Rig:
+    bin, domain = BIN, "91"
+
+    def __init__(self):
+        self.daemon = unit_daemon(config=CONFIG.replace("stale_ms = 2000", f"stale_ms = {STALE_MS}"))
+        self.node, self.folder = self.daemon.name, self.daemon.folder
+        self.network, self.parts, self.forged, self.registers, self.forging = Network(), {}, None, None, None
+        self.broker_port, web, rdt = free_port(), free_port(), free_port()
+        (self.folder / "broker.conf").write_text(f"persistence false\nlistener {self.broker_port} 127.0.0.1\nallow_anonymous true\n")
+        self.modbus, self.mqtt = self.network.tcp(self.daemon.port), self.network.tcp(self.broker_port)
+        self.web, self.rdt, self.hal_file = self.network.tcp(web), self.network.udp(rdt), self.folder / "hal"
+        self.compile()
+        self.commands = {
+            "mqtt": (BIN / "tactiled-mqtt", "--node", self.node, "--port", self.mqtt, "--discovery", "homeassistant"),
+            "dds": (BIN / "tactiled-dds", "--node", self.node, "--domain", self.domain, "--name", "hand"),
+            "rdt": (BIN / "tactiled-rdt", "--node", self.node, "--zero", "mx,my,mz", "--listen", f"127.0.0.1:{rdt}"),
+            "web": (BIN / "tactiled-web", "--node", self.node, "--listen", f"127.0.0.1:{web}"),
+            "linuxcnc": (self.folder / "tactiled_hal", self.node, "left")}
+        self.daemon.start()
+        wait_for(quality_is(self.daemon, "good"), "a good value")
+        self.start_broker()
+        self.start_bridges()
+
+    def compile(self):
+        for name, *words in (("reader_c", "cc", HERE / "reader.c"), ("reader_cpp", "c++", "-std=c++17", HERE / "reader.cpp"),
+                             ("tactiled_hal", "cc", "-DULAPI", f"-I{HERE}", ROOT / "node/bridges/linuxcnc/tactiled_hal.c", "-lm")):
+            subprocess.run([*words, "-O1", f"-I{ROOT}/node/include", "-o", self.folder / name], check=True)
+
+    def get(self, path, timeout_s):
+        connection = http.client.HTTPConnection("127.0.0.1", self.web, timeout=timeout_s)
+        try:
+            connection.request("GET", path)
+            return connection.getresponse().read().decode()
+        finally:
+            connection.close()
+
+    # ---- the parts: each has a way to end, to stand still, and to come back
+
+    def start_broker(self):
+        self.broker = Process(BROKER, "-c", self.folder / "broker.conf", ready="running")
+
+    def start_bridges(self):
+        env = {**os.environ, "HAL_FILE": str(self.hal_file)}
+        self.bridges = {name: Process(*words, env=env) for name, words in self.commands.items()}
+
+    def processes(self, part):
+        return {"sensor": lambda: [self.daemon.others[-1]], "daemon": lambda: [self.daemon.process], "bridge": lambda: [b.process for b in self.bridges.values()],
+                "broker": lambda: [self.broker.process]}[part]()
+
+    def kill(self, part):
+        for process in self.processes(part):
+            process.kill()
+            process.wait()
+
+    def stop(self, part):
+        for process in self.processes(part):
+            halt(process.pid)
+
+    def go_on(self, part):
+        for process in self.processes(part):
+            process.send_signal(signal.SIGCONT)
+        self.clear()
+
+    def bring_back(self, part):
+        {"sensor": self.start_sensor, "daemon": self.daemon.start, "bridge": self.start_bridges, "broker": self.start_broker}[part]()
+        self.clear()
+
+    def clear(self):
+        """Clears the faults that the daemon has latched, once their cause has ended."""
+        if self.forged:
+            return
+        wait_for(quality_is(self.daemon, "good"), "a good value")
+        self.daemon.ctl("clear")
+
+    def start_sensor(self):
+        (self.folder / "dev").unlink(missing_ok=True)
+        play(self.daemon)
+
+    def cut(self, _):
+        self.network.is_cut = True
+
+    def mend(self, _):
+        self.network.is_cut = False
+
+    def end(self, _):
+        self.daemon.stop()
+
+    # ---- a node whose samples are chosen
+
+    def forge(self):
+        data = self.daemon.segment.read_bytes()
+        self.forging = (*self.registers, time.monotonic())
+        self.daemon.stop()
+        self.forged = ForgedNode(self.node, data)
+
+    def forged_registers(self):
+        """The daemon that answers a PLC has ended: its last registers go on, with the STATUS and FAULT that MAP.md states for the reason."""
+        if self.forging is None:
+            return None
+        node, cells, began_s = self.forging
+        tenths = int((time.monotonic() - began_s) * 10)
+        node, cells = list(node), list(cells)
+        node[5], cells[0], cells[24] = (node[5] + tenths) % 65536, (cells[0] + 20 * tenths) % 65536, (cells[24] + 20 * tenths) % 65536
+        if self.reason is not None:
+            cells[1] = cells[1] & ~SENSOR_GOOD | SENSOR_UNCERTAIN
+            cells[2] = self.reason
+        return node, cells
+
+    reason = None
+
+    def hold(self):
+        """From now on the node holds an object of a stable weight, and the sensor is good."""
+        self.believe(None)
+        self.forged.show_grasp(state=4, weight_state=2, weight_kg=0.2, weight_sd_kg=0.002, weight_doubts=0)
+
+    def doubt_weight(self, bit):
+        self.forged.show_grasp(weight_state=1, weight_doubts=bit)
+
+    def believe_weight(self, _):
+        self.forged.show_grasp(weight_state=2, weight_doubts=0)
+
+    def stop_forging(self, _):
+        self.forged.lock.acquire()
+
+    def forge_on(self, _):
+        self.forged.lock.release()
+
+    def doubt(self, bit):
+        self.reason = FAULTS[bit]
+        self.forged.show(bit)
+
+    def believe(self, _):
+        self.reason = None
+        self.forged.show(0)
+
+    def close(self):
+        self.network.close()
+        if self.forged:
+            self.forged.__exit__()
+        for process in [*self.bridges.values(), self.broker]:
+            if process.process.poll() is None:
+                process.process.send_signal(signal.SIGCONT)
+            process.__exit__()
+        self.daemon.__exit__()
+        shutil.rmtree(self.folder, ignore_errors=True)
