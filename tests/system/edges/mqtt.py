@@ -33,7 +33,7 @@ class Mqtt(Output):
         return (topic, None if math.isnan(t_s) else t_s - time.time() + time.monotonic())
 
     def is_about(self, topic):
-        return topic.endswith(("/wrench", "/quality"))
+        return topic.endswith(("/wrench", "/quality", "/state"))
 
     def is_good(self, message):
         return message.get("quality") == "good"
@@ -80,7 +80,7 @@ class MqttWeight(Mqtt):
     name, needs = "MQTT, weight", Mqtt.needs - {"sensor"}
 
     def is_about(self, topic):
-        return topic.endswith("/grasp")
+        return topic.endswith(("/grasp", "/weight"))
 
     def is_good(self, message):
-        return message["weight_state"] == "stable"
+        return message.get("weight_state") == "stable" or ("weight_kg" in message and message.get("quality") == "good")
