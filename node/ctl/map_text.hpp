@@ -2,8 +2,20 @@
 #pragma once
 #include <string>
 #include <string_view>
+#include <vector>
+
+#include "node/modbus/table.hpp"
 
 namespace tactiled::ctl {
+
+// A register that an area copies from another one: "tool.FX", or "sensor1.FX" where its block repeats.
+struct CopiedRegister {
+    std::string name;
+    unsigned at;  // its address in the area
+    const modbus::Register* row;
+    const modbus::Area* origin;
+};
+std::vector<CopiedRegister> copied_registers(const modbus::Area& area);
 
 // Returns types, constants, and function blocks that unpack the global block, the first `sensors` sensor blocks and
 // the grasp block, that send commands, and that join the pages of an array of up to `values` values.

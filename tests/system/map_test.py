@@ -69,7 +69,9 @@ class Printed(unittest.TestCase):
             self.assertIn(f".B {row['name']}\n", page)
 
 
-class StructuredText(unittest.TestCase):
+class Served(unittest.TestCase):
+    """A daemon with one sensor and a client of its registers."""
+
     def setUp(self):
         self.daemon = Daemon(CONFIG)
         self.addCleanup(self.daemon.__exit__)
@@ -84,6 +86,65 @@ class StructuredText(unittest.TestCase):
     def read(self, at, count):
         return self.client.read_input_registers(at, count=count).registers
 
+
+VIEW, VIEW_SIZE = 600, 125
+
+
+class WholeReads(Served):
+    """Reads that reach over several areas, and the view, which is one of copies."""
+
+    def setUp(self):
+        super().setUp()
+        self.map = json.loads(printed("--json"))["rows"]
+
+    def read_both(self, at):
+        """Returns the view and the registers from `at` on, of one frame."""
+        pair = []
+
+        def of_one_frame():
+            pair[:] = self.read(VIEW, VIEW_SIZE), self.read(at, 125), self.read(VIEW, VIEW_SIZE)
+            return pair[0][0] == pair[2][0]
+
+        wait_for(of_one_frame, "two reads within one frame")
+        return pair[0], pair[1]
+
+    def test_one_request_reads_a_whole_scan_of_one_frame(self):
+        cells = self.read(0, 125)
+        self.assertEqual(len(cells), 125)
+        self.assertEqual(len({cells[at] for at in (4, 31, 40, 47, 60, 79, 80, 87, 100, 124)}), 1, "SEQ and SEQ_END")
+        named = {row["address"] + i for row in self.map if row["area"] in ("global", "grasp", "command", "tool", "doubt", "sensor")
+                 for i in range(row["registers"])}
+        self.assertEqual([cells[at] for at in range(125) if at not in named], [0] * (125 - len([a for a in named if a < 125])))
+
+    def test_the_view_is_of_one_frame_and_each_cell_is_that_of_its_origin(self):
+        copies = [(row["address"], row["name"]) for row in self.map if row["area"] == "view" and "." in row["name"]]
+        self.assertGreater(len(copies), 90)
+        view, scan = self.read_both(0)
+        self.assertEqual(len({view[at] for at in (0, 5, 32, 33, 40, 41, 48, 49, 68, 69, 93, 94, 118, 124)}), 1)
+        ages = {7, 65, 72, 97}  # AGE_MS: the time of the request
+        for at, origin, count in ((1, 0, 32), (33, 40, 8), (41, 80, 8), (49, 60, 20), (69, 100, 25)):
+            for i in set(range(count)) - {age - at for age in ages}:
+                if (at, i) != (1, 30):  # the worst cycle of the last second
+                    self.assertEqual(view[at + i], scan[origin + i], (at, i))
+        self.assertEqual(view[1:3], [0x5441, 0x4354])
+        self.assertNotEqual(view[73:76], [0x8000] * 3, "a force")
+        self.assertEqual(view[94 + 1] >> 15, 1, "there is no second sensor")
+        self.assertEqual(view[121:124], [0, 0, 0])
+
+    def test_every_read_function_reads_the_view(self):
+        for read in (self.client.read_holding_registers, self.client.read_input_registers):
+            cells = read(VIEW, count=VIEW_SIZE).registers
+            self.assertEqual((len(cells), cells[0], cells[1]), (VIEW_SIZE, cells[124], 0x5441))
+        self.assertEqual(self.read(VIEW + 1, 2), [0x5441, 0x4354], "a part of it")
+
+    def test_what_holds_no_register_or_cuts_an_array_is_refused(self):
+        for at, count in ((88, 12), (500, 100), (725, 100), (4990, 10), (10015, 2), (10999, 2), (23500, 1), (65535, 1)):
+            self.assertEqual(self.client.read_holding_registers(at, count=count).exception_code, 2, (at, count))
+        self.assertEqual(self.client.read_input_registers(4999, count=2).exception_code, 2)
+        self.assertEqual(self.client.read_holding_registers(4999, count=2).registers, [0, 0])
+
+
+class StructuredText(Served):
     def test_it_unpacks_what_the_daemon_serves(self):
         program = Program(printed("--format", "st", "--sensors", "2"))
         block = program.instance("FB_TACTILED")
