@@ -267,22 +267,24 @@ Run add_map(Command verb) {
     struct Args {
         std::string format = "md";
         bool json = false;
-        unsigned sensors = 2, values = 1024;
+        unsigned values = 1024;
     };
     auto args = std::make_shared<Args>();
-    verb.add_option("--format", args->format,
-                    "md: Markdown; csv: a row a register; st: IEC 61131-3 structured text; man: manual page")
-        .one_of({"md", "csv", "st", "man"})
+    verb.add_option(
+            "--format", args->format,
+            "md: Markdown; csv: a row a register; st: IEC 61131-3 structured text, for CODESYS and TwinCAT; scl: the "
+            "same for TIA Portal; man: manual page")
+        .one_of({"md", "csv", "st", "scl", "man"})
         .show_default();
     verb.add_flag("--json", args->json, "the same rows as csv, as JSON");
-    verb.add_option("--sensors", args->sensors, "st: how many sensors to unpack").integer_in(1, 16).show_default();
-    verb.add_option("--values", args->values, "st: how many values of an array to join: taxels times components")
+    verb.add_option("--values", args->values, "st, scl: how many values of an array to join: taxels times components")
         .integer_in(1, TACTILED_MAX_TAXELS * 3)
         .show_default();
     return [args] {
         fmt::print("{}", args->json              ? map_json()
                          : args->format == "csv" ? map_csv()
-                         : args->format == "st"  ? map_structured_text(args->sensors, args->values)
+                         : args->format == "st"  ? map_structured_text(args->values)
+                         : args->format == "scl" ? scl_of(map_structured_text(args->values))
                          : args->format == "man" ? map_manual_page()
                                                  : map_markdown());
         return kGood;
