@@ -18,7 +18,7 @@ using namespace modbus;
 
 constexpr std::string_view kIndent = "    ";
 
-// How a register's unit is written in the text: the end of the field's name, and the value of one count.
+// The form of a register's unit in the text: the end of the field's name, and the value of one count.
 struct Si {
     std::string_view unit, end, count;
 };

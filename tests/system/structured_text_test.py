@@ -39,7 +39,7 @@ class Subset(unittest.TestCase):
                 used.add(token.text)
             elif token.kind == "symbol" and token.text not in PUNCTUATION:
                 used.add(token.text)
-            elif token.kind == "name" and token.text not in declared | {"IN", "PT", "ET", "Q"}:  # of TON
+            elif token.kind == "name" and token.text not in declared | {"IN", "PT", "ET", "Q"}:  # TON has these
                 used.add(token.text)
         ends = {word for word in used if word.startswith("END_")}
         self.assertEqual(sorted(used - ends - self.listed), [], "used and not listed")
