@@ -215,7 +215,8 @@ class Age(unittest.TestCase):
         scene.read()
         for _ in range(20):
             scene.first()
-            self.assertFalse(scene.use())
+            scene.use_all()
+            self.assertEqual([scene.sensor.values["OK"], scene.node.values["FRESH"]], [False, False])
             scene.pass_ms(10)
 
 
