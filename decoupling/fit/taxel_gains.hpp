@@ -38,7 +38,7 @@ public:
     void begin(std::size_t kind, std::size_t press);
     void add_right(double y, double scale) { y_.back() += y, scale_.back() += scale; }
     void add_taxel(std::size_t taxel, double force, double variance);
-    // What a dead taxel carries; the errors of those in an equation may have one cause.
+    // A dead taxel carries what is predicted for it; the errors of those in one equation may have one cause.
     void add_hidden(double force, double sd) { y_.back() -= force, hidden_sd_.back() += std::abs(sd); }
     [[nodiscard]] GainEquations take();
 

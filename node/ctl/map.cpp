@@ -26,7 +26,6 @@ bool is_block(const Area& area) { return area.at != 0 && !area.registers.empty()
 unsigned address_of(const Area& area, const Register& r) { return is_block(area) ? area.at + r.at : r.at; }
 // Returns an address in the notation of manuals: 3xxxx or 4xxxx, with six digits where five do not suffice.
 unsigned number_of(unsigned kind, unsigned at) { return at < 9999 ? 10000 * kind + 1 + at : 100000 * kind + 1 + at; }
-bool is_holding_only(const Area& area) { return area.block == Block::controls || area.block == Block::scratch; }
 
 std::string access_of(const Register& r) {
     if (!r.is_writable()) return "r";
@@ -34,14 +33,14 @@ std::string access_of(const Register& r) {
 }
 
 // Returns the arguments with which mbpoll shows the register at `address` in its type.
-std::string mbpoll_of(const Area& area, const Register& r) {
+std::string mbpoll_of(const Area& area, const Register& r, unsigned at) {
     const char* const type = r.type == Type::f32                            ? "-t 4:float"
                              : r.type == Type::i32                          ? "-t 4:int"
                              : r.type == Type::bits || r.type == Type::mask ? "-t 4:hex"
                                                                             : "-t 4";
     const bool swap =
         size_of(r) == 2 && !area.low_word_first && r.name != "CONST_F32_CDAB";  // mbpoll's own order: low word first
-    return fmt::format("mbpoll -m tcp -p 1502 -0 {}{} -r {} -1 127.0.0.1", type, swap ? " -B" : "", address_of(area, r));
+    return fmt::format("mbpoll -m tcp -p 1502 -0 {}{} -r {} -1 127.0.0.1", type, swap ? " -B" : "", at);
 }
 
 std::string names_text(const Area& area, const Register& r, const char* separator) {
@@ -65,9 +64,9 @@ std::string range_of(const Register& r) {
 constexpr const char* kRules[] = {
     "Addresses are those on the wire, from 0. The manuals of many PLCs add 30001 (FC 4) or 40001 (FC 3), and from "
     "9999 on 300001 or 400001: both are given.",
-    "All registers can be read with FC 3 and FC 4, 5000 .. 5227 with FC 3 only. A request outside the areas, or across the "
-    "end of one, returns exception 2. "
-    "Cells without a name inside them read 0.",
+    "All registers can be read with FC 3 and FC 4, 5000 .. 5314 with FC 3 only. Addresses without a name read 0, in an area "
+    "and between areas, so that one request may reach over several. Exception 2: a request that touches no area; a page or "
+    "head of an array together with anything else; FC 4 that touches 5000 .. 5314.",
     "i16 is two's complement. Not available: i16 0x8000, u16 and enum 0xFFFF, i32 0x80000000, f32 a quiet NaN. Values "
     "outside the range saturate at +-32767 or 65534 and set a status bit.",
     "i32 and f32 have the high word first; the copies of the floats from 3000 on have the low word first. No setting "
@@ -97,6 +96,10 @@ std::string title_of(const Area& area) {
     return title;
 }
 
+std::string span_text(unsigned at, unsigned count) {
+    return count > 1 ? fmt::format("{} .. {}", at, at + count - 1) : std::to_string(at);
+}
+
 std::string escaped(std::string text, char special) {
     for (std::size_t i = 0; (i = text.find(special, i)) != std::string::npos; i += 2) text.insert(i, 1, special);
     return text;
@@ -121,10 +124,14 @@ std::string map_markdown() {
                 fmt::format("The registers are those from {} on, each f32 with its low word first.\n", area.at - kSwapped);
             continue;
         }
-        if (area.registers.empty()) {
+        if (area.block == Block::scratch)
             out += "These registers exist with `scratch = true`. They start at 0 and keep the written values.\n";
-            continue;
-        }
+        if (!area.copies.empty()) out += "| + | first | copy of | there |\n|--|--|--|--|\n";
+        for (const Copy& copy : area.copies)
+            out += fmt::format("| {} | {} | {} | {} |\n", span_text(copy.at, copy.count), area.at + copy.at,
+                               span_text(copy.from, copy.count), area_of(copy.from, 1)->title);
+        if (area.registers.empty()) continue;
+        if (!area.copies.empty()) out += "\n";
         const bool writable = area.block == Block::controls;
         out += writable ? "| address | 4xxxx | name | type | unit | access | range | meaning |\n|--|--|--|--|--|--|--|--|\n"
                : is_block(area) ? "| + | first | 3xxxx / 4xxxx | name | type | unit | meaning |\n|--|--|--|--|--|--|--|\n"
@@ -152,8 +159,8 @@ std::string map_markdown() {
     out += "\n## From a shell\n\n```\n";
     for (const Area& area : areas())
         for (const Register& r : area.registers)
-            if (r.name == "HEARTBEAT" || (r.name == "FZ" && !is_holding_only(area)) || r.name == "CONST_U16")
-                out += fmt::format("{:<70} # {} {}\n", mbpoll_of(area, r), area.title, r.name);
+            if (r.name == "HEARTBEAT" || (r.name == "FZ" && !area.is_holding_only()) || r.name == "CONST_U16")
+                out += fmt::format("{:<70} # {} {}\n", mbpoll_of(area, r, address_of(area, r)), area.title, r.name);
     return out + "```\n";
 }
 
@@ -161,20 +168,24 @@ std::string map_csv() {
     std::string out =
         "kind,address,number_3xxxx,number_4xxxx,registers,sensor,name,type,unit,access,least,most,meaning,mbpoll\n";
     const auto quoted = [](const std::string& text) { return '"' + escaped(text, '"') + '"'; };
-    for (const Area& area : areas())
+    const auto add = [&](const Area& area, unsigned at, const std::string& sensor, std::string_view name, const Register& r,
+                         const std::string& meaning) {
+        const bool writable = r.is_writable();
+        out += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", area.prefix, at,
+                           area.is_holding_only() ? "" : std::to_string(number_of(3, at)), number_of(4, at), size_of(r),
+                           sensor, name, type_text(r.type), r.unit.text, quoted(access_of(r)),
+                           writable ? std::to_string(r.limits.min) : "", writable ? std::to_string(r.limits.max) : "",
+                           quoted(meaning), quoted(mbpoll_of(area, r, at)));
+    };
+    for (const Area& area : areas()) {
         for (unsigned n = 0; n < (area.repeats != 0 ? area.size / area.repeats : 1u); ++n)
             for (const Register& plain : area.registers) {
-                Register r = plain;
-                r.at = std::uint16_t(r.at + n * area.repeats);
-                const unsigned at = address_of(area, r);
-                const bool writable = r.is_writable();
-                out += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", area.prefix, at,
-                                   is_holding_only(area) ? "" : std::to_string(number_of(3, at)), number_of(4, at),
-                                   size_of(r), area.repeats != 0 ? std::to_string(n) : "", r.name, type_text(r.type),
-                                   r.unit.text, quoted(access_of(r)), writable ? std::to_string(r.limits.min) : "",
-                                   writable ? std::to_string(r.limits.max) : "", quoted(meaning_of(area, plain, "; ")),
-                                   quoted(mbpoll_of(area, r)));
+                const unsigned at = address_of(area, plain) + n * area.repeats;
+                add(area, at, area.repeats != 0 ? std::to_string(n) : "", plain.name, plain, meaning_of(area, plain, "; "));
             }
+        for (const CopiedRegister& c : copied_registers(area))
+            add(area, c.at, "", c.name, *c.row, meaning_of(*c.origin, *c.row, "; "));
+    }
     each_bits([&](const char* kind, const Bits& run, bool coil) {
         for (unsigned i = 0; i < run.count; ++i)
             out += fmt::format("{},{},,,1,{},{},bit,,{},,,{},\"mbpoll -m tcp -p 1502 -0 -t {} -r {} -1 127.0.0.1\"\n", kind,
@@ -186,23 +197,21 @@ std::string map_csv() {
 
 std::string map_json() {
     nlohmann::ordered_json rows = nlohmann::ordered_json::array();
-    for (const Area& area : areas())
-        for (const Register& r : area.registers) {
-            nlohmann::ordered_json row{{"area", area.prefix},
-                                       {"address", address_of(area, r)},
-                                       {"repeats_every", area.repeats},
-                                       {"registers", size_of(r)},
-                                       {"name", r.name},
-                                       {"type", type_text(r.type)},
-                                       {"unit", r.unit.text},
-                                       {"access", access_of(r)},
-                                       {"low_word_first", area.low_word_first}};
-            if (r.is_writable()) row["least"] = r.limits.min, row["most"] = r.limits.max;
-            row["meaning"] = r.meaning;
-            for (const Name& name : names_of(fmt::format("{}.{}", area.prefix, r.name)))
-                row["values"][std::to_string(name.value)] = name.name;
-            rows.push_back(std::move(row));
-        }
+    const auto add = [&](const Area& area, unsigned at, std::string_view name, const Register& r, const Area& origin) {
+        nlohmann::ordered_json row{
+            {"area", area.prefix},     {"address", at},          {"repeats_every", area.repeats},
+            {"registers", size_of(r)}, {"name", name},           {"type", type_text(r.type)},
+            {"unit", r.unit.text},     {"access", access_of(r)}, {"low_word_first", area.low_word_first}};
+        if (r.is_writable()) row["least"] = r.limits.min, row["most"] = r.limits.max;
+        row["meaning"] = r.meaning;
+        for (const Name& one : names_of(fmt::format("{}.{}", origin.prefix, r.name)))
+            row["values"][std::to_string(one.value)] = one.name;
+        rows.push_back(std::move(row));
+    };
+    for (const Area& area : areas()) {
+        for (const Register& r : area.registers) add(area, address_of(area, r), r.name, r, area);
+        for (const CopiedRegister& c : copied_registers(area)) add(area, c.at, c.name, *c.row, *c.origin);
+    }
     each_bits([&](const char* kind, const Bits& run, bool coil) {
         rows.push_back({{"area", kind},
                         {"address", run.at},
@@ -242,6 +251,8 @@ std::string map_manual_page() {
             const std::string meaning = meaning_of(area, r, "; ");
             out += meaning.empty() ? "\n" : fmt::format(". {}\n", safe(meaning));
         }
+        for (const CopiedRegister& c : copied_registers(area))
+            out += fmt::format(".TP 8\n+{}\n.B {}\nA copy of this register.\n", c.at - area.at, safe(c.name));
     }
     out += ".SH COILS AND DISCRETE INPUTS\n";
     each_bits([&](const char* kind, const Bits& run, bool) {
@@ -256,22 +267,24 @@ Run add_map(Command verb) {
     struct Args {
         std::string format = "md";
         bool json = false;
-        unsigned sensors = 2, values = 1024;
+        unsigned values = 1024;
     };
     auto args = std::make_shared<Args>();
-    verb.add_option("--format", args->format,
-                    "md: Markdown; csv: a row a register; st: IEC 61131-3 structured text; man: manual page")
-        .one_of({"md", "csv", "st", "man"})
+    verb.add_option(
+            "--format", args->format,
+            "md: Markdown; csv: a row a register; st: IEC 61131-3 structured text, for CODESYS and TwinCAT; scl: the "
+            "same for TIA Portal; man: manual page")
+        .one_of({"md", "csv", "st", "scl", "man"})
         .show_default();
     verb.add_flag("--json", args->json, "the same rows as csv, as JSON");
-    verb.add_option("--sensors", args->sensors, "st: how many sensors to unpack").integer_in(1, 16).show_default();
-    verb.add_option("--values", args->values, "st: how many values of an array to join: taxels times components")
+    verb.add_option("--values", args->values, "st, scl: how many values of an array to join: taxels times components")
         .integer_in(1, TACTILED_MAX_TAXELS * 3)
         .show_default();
     return [args] {
         fmt::print("{}", args->json              ? map_json()
                          : args->format == "csv" ? map_csv()
-                         : args->format == "st"  ? map_structured_text(args->sensors, args->values)
+                         : args->format == "st"  ? map_structured_text(args->values)
+                         : args->format == "scl" ? scl_of(map_structured_text(args->values))
                          : args->format == "man" ? map_manual_page()
                                                  : map_markdown());
         return kGood;

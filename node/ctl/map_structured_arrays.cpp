@@ -12,8 +12,8 @@ using namespace modbus;
 constexpr char kDeclaration[] =
     R"((* Joins the pages of an array, one instance for each array. To begin, read {head} registers from {heads} + {head} n, n = 0 for
    the first sensor, into HEAD_REGS and call it with HEAD_READ. While BUSY, read {page} registers from PAGE_AT into PAGE_REGS
-   and call it with PAGE_READ. With neither in all other calls, also after an exception: begin again then. Use VALUES only
-   while VALID: they are of one snapshot, those of a taxel together, -32768 without a force.
+   and call it with PAGE_READ. With neither in all other calls, also after an exception: begin again then. Call it in every
+   cycle, and use VALUES while OK: they are of one snapshot, those of a taxel together, -32768 without a force.
 
    The pages are those of the array whose head was read last on this connection: read one array after the other. *)
 TYPE T_TACTILED_HEAD_REGS : ARRAY[0..{last_of_head}] OF WORD;
@@ -31,12 +31,11 @@ VAR_INPUT
     PAGE_REGS : T_TACTILED_PAGE_REGS;
     HEAD_READ : BOOL; (* HEAD_REGS were read since the last call *)
     PAGE_READ : BOOL; (* its rising edge: PAGE_REGS were read from PAGE_AT *)
-    CALLS_PER_SECOND : UINT := 100;
 END_VAR
 VAR_OUTPUT
     BUSY : BOOL; (* the page at PAGE_AT is needed *)
     PAGE_AT : UINT;
-    VALID : BOOL; (* VALUES are whole, and their head was read within the last {expires} s *)
+    VALID : BOOL; (* VALUES are whole, their last page was read within 0.9 s, and their head within {expires} s *)
     OK : BOOL; (* VALID, and GOOD *)
     MIXED : BOOL; (* a page had another token: begin again *)
     TOO_LONG : BOOL; (* the array has more values: print this text with a larger --values *)
@@ -53,17 +52,19 @@ VAR
     PAGES : INT;
     TOKEN : WORD;
     WAS_READ : BOOL;
-    CALLS : UDINT;
-    EXPIRES_S : UINT := {expires};
+    WHOLE : BOOL;
+    SINCE_HEAD : TON;
+    SINCE_READ : TON; (* of the head or a page *)
 END_VAR
 
 )";
 
 constexpr char kBegin[] =
     R"(IF HEAD_READ THEN
-    VALID := FALSE;
+    WHOLE := FALSE;
     MIXED := FALSE;
-    CALLS := 0;
+    SINCE_HEAD(IN := FALSE, PT := T#{expires}s);
+    SINCE_READ(IN := FALSE, PT := T#900ms);
     PAGE := 0;
     PAGE_AT := {pages};
     TOKEN := HEAD_REGS[0];
@@ -84,20 +85,19 @@ constexpr char kJoin[] =
         END_FOR;
         PAGE := PAGE + 1;
         PAGE_AT := PAGE_AT + {page};
-        VALID := PAGE = PAGES;
-        BUSY := NOT VALID;
+        WHOLE := PAGE = PAGES;
+        BUSY := NOT WHOLE;
+        SINCE_READ(IN := FALSE, PT := T#900ms);
     ELSE
         MIXED := TRUE;
         BUSY := FALSE;
     END_IF;
 END_IF;
 WAS_READ := PAGE_READ;
-IF CALLS < UINT_TO_UDINT(CALLS_PER_SECOND) * UINT_TO_UDINT(EXPIRES_S) THEN
-    CALLS := CALLS + 1;
-ELSE
-    VALID := FALSE;
-    BUSY := FALSE;
-END_IF;
+SINCE_HEAD(IN := TRUE, PT := T#{expires}s);
+SINCE_READ(IN := TRUE, PT := T#900ms);
+VALID := WHOLE AND (NOT SINCE_HEAD.Q) AND (NOT SINCE_READ.Q);
+BUSY := BUSY AND (NOT SINCE_HEAD.Q);
 OK := VALID AND ((STATUS AND 16#0001) <> 16#0000);
 END_FUNCTION_BLOCK
 )";
@@ -111,10 +111,11 @@ std::string structured_arrays(unsigned values) {
                     fmt::arg("last_of_head", kHeadSize - 1), fmt::arg("last_of_page", kPageSize - 1),
                     fmt::arg("last_value", max_pages * kPageValues - 1), fmt::arg("expires", kExpires_s));
     out += fmt::format(kBegin, fmt::arg("pages", kPagesAt), fmt::arg("n_pages", unsigned(kArrayPages)),
-                       fmt::arg("max_pages", max_pages), fmt::arg("status", unsigned(kArrayStatus)));
+                       fmt::arg("max_pages", max_pages), fmt::arg("status", unsigned(kArrayStatus)),
+                       fmt::arg("expires", kExpires_s));
     find_unit(out, "HEAD_REGS[5]", "UNIT_N", "    ");
     return out + fmt::format(kJoin, fmt::arg("values", kPageValues), fmt::arg("last_index", kPageValues - 1),
-                             fmt::arg("page", kPageSize));
+                             fmt::arg("page", kPageSize), fmt::arg("expires", kExpires_s));
 }
 
 }  // namespace tactiled::ctl

@@ -2,16 +2,34 @@
 #pragma once
 #include <string>
 #include <string_view>
+#include <vector>
+
+#include "node/modbus/table.hpp"
 
 namespace tactiled::ctl {
 
-// Returns types, constants, and function blocks that unpack the global block, the first `sensors` sensor blocks and
-// the grasp block, that send commands, and that join the pages of an array of up to `values` values.
-std::string map_structured_text(unsigned sensors, unsigned values);
+// A register that an area copies from another one: "tool.FX", or "sensor1.FX" where its block repeats.
+struct CopiedRegister {
+    std::string name;
+    unsigned at;  // its address in the area
+    const modbus::Register* row;
+    const modbus::Area* origin;
+};
+std::vector<CopiedRegister> copied_registers(const modbus::Area& area);
 
-// Parts of that text: the last two function blocks, and the statements that find the newtons of one count of a force.
-std::string structured_commands();
+// Returns types, constants and function blocks in structured text: for the view and the sensors, for commands and hints, and
+// one that joins the pages of an array of up to `values` values.
+std::string map_structured_text(unsigned values);
+// Returns the same text as a source of TIA Portal (SCL): with UDTs, VERSION and BEGIN, without named array types.
+std::string scl_of(std::string_view structured_text);
+
+// Parts of that text.
+std::string structured_read();
+std::string structured_values();
+std::string structured_write();
 std::string structured_arrays(unsigned values);
+// Appends a field or a variable, or the statements that find the newtons of one count of a force.
+void put_field(std::string& out, std::string_view name, std::string_view type, std::string_view meaning);
 void find_unit(std::string& out, std::string_view scale, std::string_view unit, std::string_view indent);
 
 }  // namespace tactiled::ctl

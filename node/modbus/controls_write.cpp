@@ -21,6 +21,18 @@ bool is_command_cell(unsigned at) { return at >= kTareCell && at <= kKnownWeight
 constexpr const char* kKeys[] = {"filter_hz",  "contact_on_N",     "contact_off_N",
                                  "overload_N", "slip_sensitivity", "weigh_window_ms"};
 
+// Returns the address that the request writes with its register number i. A copy counts as its origin, as in all that
+// follows.
+unsigned written_at(const Request& request, unsigned i) noexcept {
+    const auto at = std::uint16_t(request.write.at + i);
+    return writes_coils(request) ? at : origin_of(at);
+}
+bool writes(const Request& request, unsigned at) noexcept {
+    for (unsigned i = 0; i < request.write.count; ++i)
+        if (written_at(request, i) == at) return true;
+    return false;
+}
+
 }  // namespace
 
 // ---- checks ----------------------------------------------------------------------------------------------------------
@@ -40,7 +52,7 @@ Exception Controls::check(const Request& request, const View& view, const Sessio
     const bool coils = writes_coils(request);
     Exception first = kNone;  // in the order of the run; a wrong address comes before a wrong value
     for (unsigned i = 0; i < request.write.count; ++i) {
-        const unsigned at = request.write.at + i;
+        const unsigned at = written_at(request, i);
         const Exception found = !coils ? check_register(at, requested(request, i, session), view, session, now_ns)
                                        : check_coil(request, i, view);
         if (found == kIllegalAddress) return found;
@@ -53,18 +65,17 @@ Exception Controls::check(const Request& request, const View& view, const Sessio
 // Returns whether the registers of a write are allowed together: at most one command, a hysteresis whose end is not above
 // its begin, a gravity as on Earth. Words that were not written count as they are.
 bool Controls::registers_fit(const Request& request, const Session& session) const noexcept {
-    const auto written = [&](unsigned at) { return at >= request.write.at && at < request.write.at + request.write.count; };
     Words after = words_;
     int commands = 0;
     for (unsigned i = 0; i < request.write.count; ++i) {
-        const unsigned at = request.write.at + i;
+        const unsigned at = written_at(request, i);
         const std::uint16_t value = after[at] = requested(request, i, session);
         commands += (is_command_cell(at) && value != 0) || (at == kCmdSeq && clients_.at(session.host).runs(value)) ? 1 : 0;
     }
     const std::uint16_t on = after[kContactOn], off = after[kContactOff];
-    const bool contact_is_upside_down =
-        (written(kContactOn) || written(kContactOff)) && on != kAsConfigured && off != kAsConfigured && off > on;
-    return commands <= 1 && !contact_is_upside_down && (!written(kGravityX + 2) || Robot::is_gravity(after));
+    const bool contact_is_upside_down = (writes(request, kContactOn) || writes(request, kContactOff)) &&
+                                        on != kAsConfigured && off != kAsConfigured && off > on;
+    return commands <= 1 && !contact_is_upside_down && (!writes(request, kGravityX + 2) || Robot::is_gravity(after));
 }
 
 Exception Controls::check_register(unsigned at, std::uint16_t value, const View& view, const Session& session,
@@ -89,7 +100,7 @@ Exception Controls::check_register(unsigned at, std::uint16_t value, const View&
 void Controls::write(const Request& request, const View& view, Session& session, std::uint64_t now_ns) noexcept {
     if (writes_coils(request)) return write_coils(request, session, now_ns);
     for (unsigned i = 0; i < request.write.count; ++i)
-        write_register(request.write.at + i, requested(request, i, session), view, session, now_ns);
+        write_register(written_at(request, i), requested(request, i, session), view, session, now_ns);
     const unsigned end = request.write.at + request.write.count;
     if (request.write.at <= kWeighWindow && end > kFilterHz) send_settings();
     robot_.send(commands_);
@@ -130,7 +141,7 @@ void Controls::send_settings() noexcept {
 
 void Controls::read(Run run, const Session& session, std::uint64_t now_ns, std::uint16_t* out) const noexcept {
     for (unsigned i = 0; i < run.count; ++i) {
-        const unsigned at = run.at + i;
+        const unsigned at = origin_of(std::uint16_t(run.at + i));
         if (at <= kCmdSeq)
             out[i] = clients_.at(session.host).block[at - kCmd];
         else if (at == kUnlock)

@@ -12,10 +12,14 @@ std::uint16_t word(std::span<const std::uint8_t> bytes, std::size_t at) noexcept
 bool in(unsigned count, unsigned max) noexcept { return count >= 1 && count <= max; }
 
 bool is_readable(Run run, std::uint8_t function, bool scratch) noexcept {
-    const Area* const area = area_of(run.at, run.count);
-    if (area == nullptr || (area->block == Block::scratch && !scratch)) return false;
-    const bool writable = area->block == Block::controls || area->block == Block::scratch;
-    return !(writable && function == kReadInputRegisters);  // a writable register is not an input register
+    bool has_area = false;
+    for (const Area& area : areas_in(run.at, run.count)) {
+        if (area.block == Block::scratch && !scratch) continue;
+        if (area.is_latched() && area_of(run.at, run.count) == nullptr) return false;
+        if (area.is_holding_only() && function == kReadInputRegisters) return false;
+        has_area = true;
+    }
+    return has_area;
 }
 
 bool is_writable(Run run, bool scratch) noexcept {

@@ -10,14 +10,21 @@ constexpr std::uint64_t kLookAgainNs = 100'000'000;  // retry interval if there 
 bool writes(const Request& request) { return request.write.count != 0; }
 bool reads_bits(const Request& request) { return request.function == kReadCoils || request.function == kReadInputs; }
 bool reads_taxels(const Request& request) {
-    return !reads_bits(request) && request.read.count != 0 && area_of(request.read.at, request.read.count)->is_latched();
+    return !reads_bits(request) && request.read.count != 0 &&
+           areas_in(request.read.at, request.read.count).front().is_latched();
 }
 // Returns true if the answer depends on the sensors.
 bool needs_view(const Request& request) {
     if (writes(request) || reads_bits(request) || request.function == kReportServerId) return true;
-    if (request.read.count == 0) return false;
-    const Block block = area_of(request.read.at, request.read.count)->block;
-    return block != Block::controls && block != Block::scratch && block != Block::constants;
+    const auto areas = areas_in(request.read.at, request.read.count);
+    return std::any_of(areas.begin(), areas.end(),
+                       [](const Area& area) { return !area.is_holding_only() && area.block != Block::constants; });
+}
+
+// Returns the part of a run that lies in [at, at + count).
+Run common(Run run, int at, int count) {
+    const int first = std::max<int>(run.at, at), end = std::min(run.at + run.count, at + count);
+    return {std::uint16_t(first), std::uint16_t(std::max(end - first, 0))};
 }
 
 }  // namespace
@@ -60,7 +67,7 @@ std::size_t Service::answer(std::span<const std::uint8_t> bytes, Session& sessio
     if (reads_bits(request))
         fill_bits(view, session, now_ns);
     else if (request.read.count != 0 && !reads_taxels(request))
-        fill_registers(request.read, view, session, now_ns);
+        fill_run(request.read, view, session, now_ns);
     return responder.reply(bytes, tables_);
 }
 
@@ -78,10 +85,16 @@ View Service::look() {
     return view;
 }
 
-void Service::fill_registers(Run run, const View& view, const Session& session, std::uint64_t now_ns) {
-    const Area& area = *area_of(run.at, run.count);
-    if (area.block == Block::controls || area.block == Block::scratch)
-        return controls_.read(run, session, now_ns, &tables_.registers[run.at]);
+void Service::fill_run(Run run, const View& view, const Session& session, std::uint64_t now_ns) {
+    std::fill_n(tables_.registers.begin() + run.at, run.count, std::uint16_t(0));  // addresses between areas
+    for (const Area& area : areas_in(run.at, run.count))
+        if (area.block != Block::scratch || scratch_)
+            fill_registers(area, common(run, area.at, area.size), view, session, now_ns);
+}
+
+// Fills cells of one area.
+void Service::fill_registers(const Area& area, Run run, const View& view, const Session& session, std::uint64_t now_ns) {
+    if (area.is_holding_only()) return controls_.read(run, session, now_ns, &tables_.registers[run.at]);
     const auto cells = std::span(tables_.registers).subspan(area.at, area.size);
     if (area.block == Block::constants) return void(std::copy(constants().begin(), constants().end(), cells.begin()));
     // Fills only the blocks that the request touches.
@@ -90,6 +103,13 @@ void Service::fill_registers(Run run, const View& view, const Session& session, 
     const unsigned first = (run.at - area.at) / size, last = (run.at + run.count - 1u - area.at) / size;
     for (unsigned n = first; n <= last; ++n) encode(area, cells.subspan(std::size_t(n) * size, size), view, n, client);
     if (run.at <= kCmdResult && run.at + run.count > kCmdResult) controls_.note_read(session);
+    for (const Copy& copy : area.copies) {
+        const Run asked = common(run, area.at + copy.at, copy.count);
+        if (asked.count == 0) continue;
+        const auto from = std::uint16_t(copy.from + asked.at - area.at - copy.at);
+        fill_run({from, asked.count}, view, session, now_ns);
+        std::copy_n(&tables_.registers[from], asked.count, &tables_.registers[asked.at]);
+    }
 }
 
 void Service::fill_bits(const View& view, const Session& session, std::uint64_t now_ns) {

@@ -38,7 +38,8 @@ public:
 
 private:
     [[nodiscard]] View look();
-    void fill_registers(Run run, const View& view, const Session& session, std::uint64_t now_ns);
+    void fill_run(Run run, const View& view, const Session& session, std::uint64_t now_ns);
+    void fill_registers(const Area& area, Run run, const View& view, const Session& session, std::uint64_t now_ns);
     void fill_bits(const View& view, const Session& session, std::uint64_t now_ns);
 
     std::string node_name_;

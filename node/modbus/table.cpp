@@ -39,6 +39,27 @@ constexpr Bits kInputRuns[] = {
     {kFaultInput, 1, "FAULT", "STATUS bit 15", kStatus, 15},
 };
 
+constexpr Register kView[] = {
+    {0, "SEQ", count, kNoUnit, kSeqMeaning, sequence},
+    {kViewSize - 1, "SEQ_END", count, kNoUnit, "= SEQ", sequence},
+};
+constexpr Copy kOfView[] = {
+    {1, kGlobalAt, kGlobalSize}, {33, kGraspAt, kGraspSize},        {41, kDoubtsAt, kDoubtsSize},
+    {49, kToolAt, kToolSize},    {69, kSensorsAt, 2 * kSensorSize}, {119, kAgeBoundsAt, 2},
+};
+// The hints are last, so that a shorter write can leave them out.
+constexpr Copy kOfCycle[] = {{0, kCmd, 5}, {5, kPlcHeartbeat, 1}, {6, kGripperState, 2}, {8, kGravityX, 7}};
+
+// True if the copies follow each other from the offset `at` on, and end by `end`.
+constexpr bool are_in_order(std::span<const Copy> copies, unsigned at, unsigned end) {
+    for (const Copy& copy : copies) {
+        if (copy.at != at) return false;
+        at += copy.count;
+    }
+    return at <= end;
+}
+static_assert(are_in_order(kOfView, 1, kViewSize - 1) && are_in_order(kOfCycle, 0, kCycleSize));
+
 constexpr std::uint16_t kConstantValues[kConstantsSize] = {0x1234, 0xFB2E, 0x1234, 0x5678, 0x449A, 0x5000,
                                                            0x5000, 0x449A, 0x4142, 0x4344, 0x4546, 0x4748};
 
@@ -54,6 +75,8 @@ std::span<const Area> areas() {
         {kDoubtsAt, kDoubtsSize, Block::doubts, 0, false, "Doubts of the weight", "doubt", doubt_rows()},
         {kSensorsAt, kSensorSize * kSensorBlocks, Block::sensor, kSensorSize, false, "Sensor blocks", "sensor",
          sensor_rows()},
+        {kViewAt, kViewSize, Block::view, 0, false, "View of a two-jaw gripper: one read in each cycle", "view", kView,
+         kOfView},
         {kFloatsAt, kFloatSize, Block::floats, 0, false, "Floats, high word first", "float", float_rows()},
         {kToolFloatsAt, kToolFloatSize, Block::tool_floats, 0, false, "Wrench on the gripper, high word first", "tool_float",
          tool_float_rows()},
@@ -70,6 +93,7 @@ std::span<const Area> areas() {
          "Parts of that wrench by sensor, low word first", "tool_float", tool_float_rows()},
         {kControlsAt, kControlsSize, Block::controls, 0, false, "Commands and settings", "control", control_rows()},
         {kScratchAt, kScratchSize, Block::scratch, 0, false, "Scratch: free registers, to try a client", "scratch", {}},
+        {kCycleAt, kCycleSize, Block::cycle, 0, false, "Command and hints: one write in each cycle", "cycle", {}, kOfCycle},
         {kConstantsAt, kConstantsSize, Block::constants, 0, false, "Constants, to check base, sign and word order",
          "constant", kConstant},
         {kAgeBoundsAt, kSensorBlocks, Block::age_bounds, 1, false, "Bound of the age, by sensor", "age", age_bound_rows()},
@@ -98,7 +122,23 @@ const Area* area_of(std::uint32_t at, std::uint32_t count) {
     return nullptr;
 }
 
-const Register* writable_at(std::uint32_t at) {
+std::span<const Area> areas_in(std::uint32_t at, std::uint32_t count) {
+    const auto all = areas();
+    const auto first = std::find_if(all.begin(), all.end(), [&](const Area& a) { return a.at + a.size > at; });
+    const auto last = std::find_if(first, all.end(), [&](const Area& a) { return a.at >= at + count; });
+    return {first, last};
+}
+
+std::uint16_t origin_of(std::uint16_t at) {
+    const Area* const area = area_of(at, 1);
+    if (area == nullptr) return at;
+    for (const Copy& copy : area->copies)
+        if (const int i = at - area->at - copy.at; i >= 0 && i < copy.count) return std::uint16_t(copy.from + i);
+    return at;
+}
+
+const Register* writable_at(std::uint32_t address) {
+    const unsigned at = origin_of(std::uint16_t(address));
     for (const Register& r : control_rows())
         if (r.at == at) return &r;
     return nullptr;

@@ -10,7 +10,7 @@
 
 namespace tactiled::modbus {
 
-inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 8;
+inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 9;
 
 // "Not available" as in SunSpec; a measured value saturates one step before.
 inline constexpr std::uint16_t kNoI16 = 0x8000, kNoU16 = 0xFFFF;
@@ -55,6 +55,8 @@ inline constexpr std::uint16_t kCommandsAt = 50, kCommandsSize = 8;
 inline constexpr std::uint16_t kToolAt = 60, kToolSize = 20;
 inline constexpr std::uint16_t kDoubtsAt = 80, kDoubtsSize = 8;
 inline constexpr std::uint16_t kSensorsAt = 100, kSensorSize = 25, kSensorBlocks = 16;
+// The registers that a gripper with two jaws needs in each cycle: one request to read, one to write. They are copies.
+inline constexpr std::uint16_t kViewAt = 600, kViewSize = 125, kCycleAt = 5300, kCycleSize = 15;
 inline constexpr std::uint16_t kFloatsAt = 2000, kFloatSize = 26, kSensorFloatsAt = 2100, kSensorFloatSize = 25;
 inline constexpr std::uint16_t kToolFloatsAt = 2030, kToolFloatSize = 28, kToolSensorsAt = 2500;
 inline constexpr std::uint16_t kSwapped = 1000;  // from a float register to its copy with the low word first
@@ -126,19 +128,26 @@ enum class Block {
     tool,
     doubts,
     sensor,
+    view,
     floats,
     tool_floats,
     sensor_floats,
     tool_sensors,
     controls,
     scratch,
+    cycle,
     constants,
     age_bounds,
     heads,
     pages
 };
 
-// A run of addresses that is readable as a whole; cells without an entry read 0.
+// Cells of an area that are those of other addresses: offset in the area, address of the first one, number.
+struct Copy {
+    std::uint16_t at, from, count;
+};
+
+// A run of addresses; cells without an entry read 0.
 struct Area {
     std::uint16_t at, size;
     Block block;
@@ -147,8 +156,13 @@ struct Area {
     std::string_view title;
     std::string_view prefix;  // for names_of()
     std::span<const Register> registers;
+    std::span<const Copy> copies{};
 
     [[nodiscard]] constexpr bool is_latched() const noexcept { return block == Block::heads || block == Block::pages; }
+    // True for registers that may be written, which are no input registers (FC 4).
+    [[nodiscard]] constexpr bool is_holding_only() const noexcept {
+        return block == Block::controls || block == Block::scratch || block == Block::cycle;
+    }
 };
 
 // Returns the areas in the order of addresses. Sensor blocks are one area, because they are contiguous.
@@ -157,7 +171,11 @@ std::span<const Area> areas();
 const Area& area_with(Block block, bool low_word_first = false);
 // Returns the area that contains all of [at, at + count), which are of one head or page there, or nullptr: exception 2.
 const Area* area_of(std::uint32_t at, std::uint32_t count);
-// Returns the register that may be written at an address, or nullptr. Scratch registers have no entry.
+// Returns the areas that share a cell with [at, at + count). Unnamed addresses between them read 0.
+std::span<const Area> areas_in(std::uint32_t at, std::uint32_t count);
+// Returns the address whose copy is at `at`: `at` itself, if it is no copy.
+std::uint16_t origin_of(std::uint16_t at);
+// Returns the register that may be written at an address or is copied there, or nullptr. Scratch registers have no entry.
 const Register* writable_at(std::uint32_t at);
 
 // Returns bit and value names of a register, by "global.NAME" or "sensor.NAME"; empty if it has none.

@@ -23,7 +23,7 @@ class Expressions:
     def literal(self, node):
         if node.type is None:
             return Typed(UNTYPED, lambda frame: node.value, node.value)
-        value = node.value if node.type == "BOOL" else fitted(node.type, node.value, node.line)
+        value = node.value if node.type in ("BOOL", "TIME") else fitted(node.type, node.value, node.line)
         return Typed(node.type, lambda frame: value)
 
     def read(self, node):
@@ -100,10 +100,10 @@ class Expressions:
             require(type_, {"BOOL", *BITS}, sign, line)
             return Typed(type_, lambda frame: LOGIC[sign](first(frame), second(frame)))
         if sign in COMPARISONS:
-            compared = {UNTYPED, *NUMERIC} | ({"BOOL", *BITS} if sign in ("=", "<>") else set())
+            compared = {UNTYPED, "TIME", *NUMERIC} | ({"BOOL", *BITS} if sign in ("=", "<>") else set())
             require(type_, compared, sign, line)
             return Typed("BOOL", lambda frame: COMPARISONS[sign](first(frame), second(frame)))
-        require(type_, {UNTYPED, *INTEGERS} | (set() if sign == "MOD" else {"REAL"}), sign, line)
+        require(type_, {UNTYPED, *INTEGERS} | (set() if sign == "MOD" else {"REAL"}) | ({"TIME"} if sign == "+" else set()), sign, line)
         if both_untyped:
             value = calculated(sign, left.literal, right.literal, UNTYPED, line)
             return Typed(UNTYPED, lambda frame: value, value)

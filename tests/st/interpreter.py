@@ -2,7 +2,8 @@
 
     program = Program(text)                    # StError, with the line, for what a strict compiler refuses
     fb = program.instance("FB_TACTILED")
-    fb.call(REGS=[...], NOW=...)               # one cycle; variables keep their values until the next call
+    program.now_ms = 120                       # the controller's clock
+    fb.call(REGS=[...])                        # one cycle; variables keep their values until the next call
     fb.value("S[3].FX_N")
 
 A text is refused if vendors disagree on its meaning: at once if its types show it, else when a value does.
@@ -12,7 +13,7 @@ from .frame import STEPS_A_CALL, Frame, clone, default, given
 from .lexer import ELEMENTARY, StError
 from .parser import Parser
 from .statements import Return, Statements
-from .typed import Array, Struct, Variable, coerced
+from .typed import TON, Array, Struct, Variable, coerced
 
 
 class Unit(Statements):
@@ -36,10 +37,24 @@ class Unit(Statements):
         except Return:
             pass
 
+    def fresh(self):
+        """The variables of a new instance."""
+        return {name: clone(variable.initial) for name, variable in self.variables.items()}
+
+    def outputs(self):
+        """The type of an instance in another block, which can read its outputs alone."""
+        return Struct(self.name, tuple((name, v.type) for name, v in self.variables.items() if v.section == "VAR_OUTPUT"))
+
     def declare(self, variable):
-        line, name, type_ = variable.line, variable.name, self.program.type_of(variable.type)
+        line, name, type_ = variable.line, variable.name, self.program.type_of(variable.type, is_variable=True)
         if name in self.variables or name in self.program.taken:
             raise StError(line, f"{name} is declared twice")
+        unit = self.program.blocks.get(variable.type.name) if isinstance(variable.type, tree.NamedType) else None
+        if unit or type_ is TON:
+            if self.kind == "FUNCTION" or variable.section != "VAR" or variable.initial is not None:
+                raise StError(line, "an instance of a function block is a VAR of a FUNCTION_BLOCK, without an initial value")
+            self.variables[name] = Variable(type_, "INSTANCE", unit.fresh() if unit else default(type_))
+            return
         if variable.section == "VAR_OUTPUT" and self.kind == "FUNCTION":
             raise StError(line, "VAR_OUTPUT of a FUNCTION is not in this subset")
         if variable.section == "VAR_INPUT" and self.kind == "FUNCTION" and variable.initial is not None:
@@ -66,6 +81,7 @@ class Unit(Statements):
 class Program:
     def __init__(self, text):
         parser = Parser(text)
+        self.now_ms = 0  # the controller's clock, which its timers read: set it before each call
         self.types = {}
         self.functions = {}
         self.blocks = {}
@@ -97,7 +113,7 @@ class Program:
             fields[name] = self.type_of(type_)
         return Struct(declaration.name, tuple(fields.items()))
 
-    def type_of(self, node, name=None):
+    def type_of(self, node, name=None, is_variable=False):
         if isinstance(node, tree.ArrayOf):
             element = self.type_of(node.element)
             if isinstance(element, Array):
@@ -105,6 +121,10 @@ class Program:
             return Array(name or f"ARRAY[{node.low}..{node.high}] OF {element}", node.low, node.high, element)
         if node.name in ELEMENTARY:
             return node.name
+        if is_variable and node.name == "TON":
+            return TON
+        if is_variable and node.name in self.blocks:
+            return self.blocks[node.name].outputs()
         if node.name not in self.types:
             raise StError(node.line, f"{node.name} is no type of this subset declared before this line")
         return self.types[node.name]
@@ -120,7 +140,7 @@ class Program:
 class Instance:
     def __init__(self, block):
         self.block = block
-        self.values = {name: clone(variable.initial) for name, variable in block.variables.items()}
+        self.values = block.fresh()
 
     def call(self, **inputs):
         """One cycle. An input not given keeps its value, as on a controller."""

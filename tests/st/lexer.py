@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 BITS = {"BYTE": 8, "WORD": 16, "DWORD": 32}
 INTEGERS = {"INT": 16, "UINT": 16, "DINT": 32, "UDINT": 32}
-ELEMENTARY = {"BOOL", "REAL", *BITS, *INTEGERS}
+ELEMENTARY = {"BOOL", "REAL", "TIME", *BITS, *INTEGERS}
 
 KEYWORDS = set(
     "AND ARRAY BY CASE CONSTANT DO ELSE ELSIF END_CASE END_FOR END_FUNCTION END_FUNCTION_BLOCK END_IF END_STRUCT "
@@ -32,6 +32,7 @@ LONGEST_NAME = 40
 DIGITS = r"[0-9]+(?:_[0-9]+)*"
 TOKEN = re.compile(rf"""
     (?P<space>\s+|//[^\n]*|\{{[^}}]*\}})
+  | (?P<time>T\#(?P<ticks>[0-9]+)(?P<unit>MS|S)(?![\w\#]))
   | (?P<literal>
       (?:(?P<type>[A-Z]+)\#(?P<sign>-?))?
       (?: (?P<real>{DIGITS}\.{DIGITS}(?:E[+-]?{DIGITS})?)
@@ -115,6 +116,8 @@ def token_of(match, line):
         return Token("symbol", text, spelled, line)
     if match["truth"]:
         return Token("literal", text, spelled, line, "BOOL", text.endswith("TRUE"))
+    if match["time"]:
+        return Token("literal", text, spelled, line, "TIME", int(match["ticks"]) * (1000 if match["unit"].upper() == "S" else 1))
     type_name, value = number_of(match, line)
     return Token("literal", text, spelled, line, type_name, value)
 

@@ -6,7 +6,8 @@ import unittest
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent.parent))
-from st.small_program import FIRST_LINE, StTest, after, result  # noqa: E402
+from st.interpreter import Program  # noqa: E402
+from st.small_program import FIRST_LINE, StTest, after, block, result  # noqa: E402
 
 
 class Statements(StTest):
@@ -59,6 +60,34 @@ class Statements(StTest):
         self.stops("FOR I := 0 TO 1 DO ; END_FOR;\nL := I;", "names no value", line=FIRST_LINE + 1)
         self.assertEqual(after("FOR I := 0 TO 9 DO IF I = 4 THEN EXIT; END_IF; END_FOR; L := I;", "L"), 4)
         self.assertEqual(after("FOR I := 0 TO 1 DO ; END_FOR; I := 7;", "I", calls=2), 7)
+
+    def test_a_timer_counts_by_the_clock_of_the_controller_and_only_when_it_is_called(self):
+        program = Program(block("T(IN := B, PT := T#2s); E := T.ET; Q := T.Q;", "T : TON; B : BOOL := TRUE; E : TIME; Q : BOOL;"))
+        fb = program.instance("FB_T")
+        for now_ms, elapsed, is_over in ((100, 0, False), (100, 0, False), (2099, 1999, False), (2100, 2000, True), (9000, 2000, True)):
+            program.now_ms = now_ms
+            fb.call()
+            self.assertEqual([fb.value("E"), fb.value("Q")], [elapsed, is_over], now_ms)
+
+    def test_a_timer_that_is_switched_off_and_on_in_one_cycle_begins_again(self):
+        program = Program(block("T(IN := FALSE, PT := T#1s); T(IN := TRUE, PT := T#1s); E := T.ET;", "T : TON; E : TIME;"))
+        fb = program.instance("FB_T")
+        for program.now_ms in (0, 500, 1500):
+            fb.call()
+            self.assertEqual(fb.value("E"), 0)
+
+    def test_times_are_added_and_compared_and_nothing_else(self):
+        self.assertTrue(after("B := P + T#900ms < T#2s;", "B", "P : TIME := T#1s; B : BOOL;"))
+        for wrong in ("P * P", "P + 1", "P - P", "TIME_TO_DINT(P)", "DINT_TO_TIME(L)"):
+            self.body_refused(f"P := {wrong};", "TIME", variables="P : TIME; L : DINT;")
+
+    def test_a_block_in_a_block_keeps_its_variables_and_shows_its_outputs_alone(self):
+        inner = "FUNCTION_BLOCK FB_I VAR_INPUT A : INT; END_VAR VAR_OUTPUT SUM : INT; END_VAR VAR HIDDEN : INT; END_VAR SUM := SUM + A; END_FUNCTION_BLOCK "
+        variables = "X : FB_I; Y : FB_I; I : INT;"
+        self.assertEqual(after("X(A := 2); Y(A := 10); I := X.SUM + Y.SUM;", "I", variables, inner, calls=3), 36)
+        for body, reason in (("X();", "takes A"), ("X(1);", "takes A"), ("X(B := 1);", "takes A"), ("I := X.HIDDEN;", "no field HIDDEN"),
+                             ("X.SUM := 1;", "is a function block")):
+            self.body_refused(body, reason, variables=variables, before=inner)
 
     def test_exit_leaves_the_inner_loop_only(self):
         body = "FOR I := 1 TO 3 DO U := 0; WHILE TRUE DO U := U + 1; IF U = 2 THEN EXIT; END_IF; END_WHILE; " \

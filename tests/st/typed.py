@@ -28,6 +28,10 @@ class Struct:
         return self.name
 
 
+# The timer of the standard, the one function block that is not declared in the text. Only its outputs can be read.
+TON = Struct("TON", (("Q", "BOOL"), ("ET", "TIME")))
+
+
 @dataclass
 class Variable:
     type: object

@@ -11,6 +11,7 @@ from .lexer import BITS, INTEGERS, StError
 RANGES = {name: (0, 2**bits - 1) for name, bits in BITS.items()} | {
     "INT": (-2**15, 2**15 - 1), "UINT": (0, 2**16 - 1), "DINT": (-2**31, 2**31 - 1), "UDINT": (0, 2**32 - 1)}
 NUMERIC = {*INTEGERS, "REAL"}
+LONGEST_MS = 2**31 - 1  # a TIME, in milliseconds: the shortest range of those controllers that count it in 32 bits
 UNTYPED = "an untyped integer"  # the type of 5 or 16#FF until its context gives one
 
 COMPARISONS = {"=": operator.eq, "<>": operator.ne, "<": operator.lt, ">": operator.gt, "<=": operator.le,
@@ -33,7 +34,7 @@ def single(value, line):
 def fitted(type_, value, line):
     if type_ == "REAL":
         return single(value, line)
-    low, high = RANGES[type_]
+    low, high = (0, LONGEST_MS) if type_ == "TIME" else RANGES[type_]
     if not low <= value <= high:
         raise StError(line, f"{value} is outside {type_}, {low} .. {high}")
     return value
@@ -77,6 +78,8 @@ def conversion(name, source, target):
 
     if source == target:
         return f"there is no {name}"
+    if "TIME" in (source, target):
+        return f"{name}: vendors disagree on milliseconds against seconds"
     if "REAL" in (source, target):
         if source not in NUMERIC or target not in NUMERIC:
             return f"{name}: vendors disagree on value against bit pattern"

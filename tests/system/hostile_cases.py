@@ -46,17 +46,23 @@ READS = table([
           ("in the longest frame there is", read(fc, 0, 1) + bytes(248), 3))),
     *((f"FC {fc} {what} of {first}..{last}", read(fc, at, count), expected(fc), mb(section))
       for fc, section in ((3, "6.3"), (4, "6.4"))
-      for first, last in ((0, 31), (100, 499), (2000, 2025), (2100, 2947), (3000, 3025), (3100, 3947), (9000, 9011), (9100, 9115))
+      for first, last in ((0, 31), (100, 499), (600, 724), (2000, 2025), (2100, 2947), (3000, 3025), (3100, 3947), (9000, 9011), (9100, 9115))
       for what, at, count, expected in (
           ("at the end", last, 1, lambda fc: some(fc, 2)),
           ("beyond the end", last + 1, 1, lambda _: 2),
-          ("across the end", last, 2, lambda _: 2),
-          ("across the start", (first - 1) & 0xFFFF, 2, lambda _: 2))),
+          ("across the end", last, 2, lambda fc: some(fc, 4)),
+          ("across the start", (first - 1) & 0xFFFF, 2, lambda fc, first=first: some(fc, 4) if first else 2))),
+    *((f"FC {fc} of a whole scan", read(fc, 0, 125), some(fc, 250), OURS) for fc in (3, 4)),
+    ("FC 3 of the cells between two blocks", read(3, 88, 12), 2, OURS),
+    *((f"FC 3 of {what}", read(3, at, count), 2, OURS) for what, at, count in (
+        ("a head of an array and more", 10015, 2), ("a hole and a head", 9999, 17), ("the last head and a hole", 10255, 2),
+        ("a hole and a page", 10999, 2), ("two pages", 11001, 125), ("the last page and more", 23499, 2))),
     ("FC 3 at the end of the writable block", read(3, 5099, 1), holds(3, 0), mb("6.3")),
-    ("FC 3 across the start of the writable block", read(3, 4999, 2), 2, mb("6.3")),
-    ("FC 3 from the writable block into scratch", read(3, 5099, 2), 2, mb("6.3")),
+    ("FC 3 across the start of the writable block", read(3, 4999, 2), some(3, 4), mb("6.3")),
+    ("FC 4 across the start of the writable block", read(4, 4999, 2), 2, mb("6.4")),
+    ("FC 3 from the writable block into scratch", read(3, 5099, 2), some(3, 4), mb("6.3")),
     ("FC 3 beyond scratch", read(3, SCRATCH_END, 1), 2, mb("6.3")),
-    ("FC 3 across the end of scratch", read(3, SCRATCH_END - 1, 2), 2, mb("6.3")),
+    ("FC 3 across the end of scratch", read(3, SCRATCH_END - 1, 2), some(3, 4), mb("6.3")),
     ("FC 3 of the last constant", read(3, 9011, 1), holds(3, 0x4748), OURS),
     ("FC 3 of reserved cells", read(3, 5036, 4), holds(3, 0, 0, 0, 0), OURS),
     ("FC 4 of the writable block", read(4, 5000, 1), 2, OURS),
@@ -161,7 +167,7 @@ WRITES_OF_BAD_FORM = table([
     ("FC 23 without its byte count", words(23, 0, 1, SCRATCH, 1), 3, mb("6.17")),
 ])
 
-READ_ONLY = (0, 31, 32, 99, 100, 499, 500, 2000, 2499, 3000, 4999, 9000, 9011, SCRATCH_END, 0xFFFF)
+READ_ONLY = (0, 31, 32, 99, 100, 499, 500, 600, 724, 2000, 2499, 3000, 4999, 9000, 9011, SCRATCH_END, 0xFFFF)
 RESERVED = (5005, 5009, 5018, 5024, 5036, 5039, 5047, 5089, 5092, 5099)
 
 WRITES_TO_BAD_ADDRESSES = table([
@@ -187,7 +193,7 @@ WRITES_TO_BAD_ADDRESSES = table([
     ("FC 16 wrapping to 0", registers(0xFFFF, (1, 2)), 2, mb("6.12")),
     ("FC 16 to the constants", registers(9000, (1,) * 12), 2, mb("6.12")),
     ("FC 23 with a read beyond the global block", exchange(32, 1, SCRATCH, (1, 2)), 2, mb("6.17")),
-    ("FC 23 with a read across the constants", exchange(9011, 2, SCRATCH, (1, 2)), 2, mb("6.17")),
+    ("FC 23 with a read across two heads", exchange(10015, 2, SCRATCH, (1, 2)), 2, mb("6.17")),
     ("FC 23 with a read wrapping to 0", exchange(0xFFFF, 2, SCRATCH, (1, 2)), 2, mb("6.17")),
     ("FC 23 of a command with a read outside", exchange(32, 1, 5000, (3, 0, 0, 0, 0x7E58)), 2, mb("6.17")),
     ("FC 23 with a write to read-only", exchange(SCRATCH, 1, 0, (1,)), 2, mb("6.17")),

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A pick task end to end: a PLC that uses only Modbus teaches, picks, weighs, sorts and releases objects.
+"""A pick task end to end: a PLC that runs the printed function blocks alone teaches, picks, weighs, sorts and releases objects.
 
     pick_task_test.py              20 picks, a jaw damaged in 4 of them (1 minute)
     PICKS=100 pick_task_test.py    as many as the promise has: 0 wrong, and each of 20 damages reported
@@ -12,7 +12,6 @@ import os
 import pathlib
 import random
 import shutil
-import struct
 import subprocess
 import sys
 import tempfile
@@ -24,6 +23,7 @@ from pymodbus.client import ModbusTcpClient
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from daemon import BIN, PATIENCE_S, Daemon  # noqa: E402
 from pick_bench import GRASP, Robot, calibrate_skin  # noqa: E402
+from plc_view import program  # noqa: E402
 from simulated_sensors import SENSORS  # noqa: E402
 
 PICKS = int(os.environ.get("PICKS", "20"))
@@ -34,45 +34,50 @@ TEACHINGS = 3
 GRIP_N = 8.0
 WITHIN = 0.03  # share of the weight: the estimator's target is 3 %
 
-MAP_VER, SEQ, HEARTBEAT, STATUS, SLIP_LATCH, GRIP_STATE, WEIGHT_STATE, WEIGHT, WEIGHT_SD, SLIP_COUNT, SEQ_END = \
-    2, 4, 5, 7, 13, 17, 19, 20, 22, 24, 31
-OBJECT_ID, OBJECT_PROB, GRASPS = 41, 42, 45
-DOUBTS, WEIGHT_WHY, WEIGHT_JAWS = 80, 1, 2                 # the block, and offsets in it
 MOVES = 1 << 5                                             # WEIGHT_WHY: no damage
 DAMAGES = {"shear dead": {"fx": 0, "fy": 0, "fz": 1}, "half gain": {"fx": 0.5, "fy": 0.5, "fz": 0.5},
            "axis reversed": {"fx": -1, "fy": -1, "fz": 1}}
-TEACH, GRIPPER_STATE, PLC_HEARTBEAT, PLC_WATCHDOG, GRAVITY_X, CLEAR_SLIP_COILS = 5015, 5022, 5020, 5021, 5040, 16
+VIEW, CYCLE = 600, 5300                                   # the PLC reads the view and writes the cycle
+CLEAR_LATCHES, TEACH = 3, 10                               # CMD
 GRASPED = 1 << 2                                           # STATUS
 CLOSING, LIFTING, MOVING, OPENING = 1, 3, 4, 5             # GRIPPER_STATE
 OPEN, LOST, STABLE, UNKNOWN = 0, 6, 2, 0xFFFF              # GRIP_STATE, WEIGHT_STATE, no value
 
 
 class Plc:
-    """A controller with a cycle of 20 ms: reads two blocks, writes its heartbeat, compares SEQ with SEQ_END."""
+    """A controller with a cycle of 20 ms that runs the printed function blocks alone: one read and one write in each cycle."""
 
     def __init__(self, port):
         self.client = ModbusTcpClient("127.0.0.1", port=port)
         assert self.client.connect()
-        self.beat = 0
-        self.write(PLC_WATCHDOG, 2000)
-        self.write(GRAVITY_X, 0, 0, 9810)
+        self.program = program()
+        self.map, self.node, self.weight, self.command = (self.program.instance(f"FB_TACTILED{end}") for end in ("", "_NODE", "_WEIGHT", "_WRITE"))
+        self.began, self.hint = time.monotonic(), {"HAS_GRAVITY": True, "GRAVITY_Z": 9.81}
 
-    def write(self, address, *values):
-        answer = self.client.write_registers(address, list(values), slave=1)
-        assert not answer.isError(), answer
+    def scan(self, **inputs):
+        answer = self.client.read_input_registers(VIEW, count=125, slave=1)
+        self.program.now_ms = int((time.monotonic() - self.began) * 1000)
+        self.map.call(VIEW_REGS=answer.registers, READ_DONE=True)
+        node, weight = self.node.values, self.weight.values
+        self.node.call(NODE=self.map.values["NODE"])
+        self.weight.call(**{name: self.map.values[name] for name in ("NODE", "GRASP", "DOUBTS")})
+        self.command.call(NODE=self.map.values["NODE"], **self.hint, **inputs)
+        written = self.client.write_registers(CYCLE, self.command.values["WRITE_REGS"], slave=1)
+        assert not written.isError(), written
+        return {"status": node["STATUS"], "grip": weight["GRIP_STATE"], "state": weight["WEIGHT_STATE"], "slips": weight["SLIP_COUNT"],
+                "latch": node["SLIP_LATCH"], "kg": weight["WEIGHT_KG"] if weight["HAS_WEIGHT"] else None, "sd_kg": weight["WEIGHT_SD_KG"],
+                "object": weight["OBJECT_ID"], "probability": weight["OBJECT_PROB"], "grasps": weight["GRASPS"], "why": weight["WEIGHT_WHY"],
+                "jaws": weight["WEIGHT_JAWS"], "ok": weight["OK"]}
 
-    def scan(self):
-        self.beat = self.beat + 1 & 0xFFFF
-        self.write(PLC_HEARTBEAT, self.beat)
-        r = self.client.read_input_registers(0, count=32, slave=1).registers
-        assert r[SEQ] == r[SEQ_END], "torn"
-        more = self.client.read_input_registers(40, count=8, slave=1).registers
-        doubts = self.client.read_input_registers(DOUBTS, count=8, slave=1).registers
-        weight = struct.unpack(">i", struct.pack(">HH", *r[WEIGHT:WEIGHT + 2]))[0]
-        return {"status": r[STATUS], "grip": r[GRIP_STATE], "state": r[WEIGHT_STATE], "slips": r[SLIP_COUNT], "latch": r[SLIP_LATCH],
-                "kg": None if weight == -2 ** 31 else weight * 1e-4, "sd_kg": r[WEIGHT_SD] * 1e-4, "object": more[OBJECT_ID - 40],
-                "probability": more[OBJECT_PROB - 40] / 1000, "grasps": more[GRASPS - 40],
-                "why": doubts[WEIGHT_WHY], "jaws": doubts[WEIGHT_JAWS]}
+    def say(self, gripper_state):
+        self.hint["GRIPPER_STATE"] = gripper_state
+        self.scan()
+
+    def run(self, command, mask, parameter=0):
+        self.scan(EXECUTE=False)
+        self.scan(EXECUTE=True, CMD=command, MASK=mask, PARAM_L=parameter)
+        self.wait(f"command {command}", lambda _: not self.command.values["BUSY"])
+        assert self.command.values["DONE"], self.command.values["RESULT"]
 
     def wait(self, what, condition, seconds=PATIENCE_S):
         until = time.monotonic() + seconds
@@ -114,29 +119,29 @@ class PickTask(unittest.TestCase):
         while the weight was stable, and its delay after the lift."""
         self.robot.offer(mass_kg)
         self.robot.live(0.25)  # the arm moves to the next object: the skins are free
-        self.plc.write(GRIPPER_STATE, CLOSING)
+        self.plc.say(CLOSING)
         self.robot.close(GRIP_N)
         grasped = self.plc.wait("grasped", lambda seen: seen["status"] & GRASPED)
-        self.plc.write(GRIPPER_STATE, LIFTING)
+        self.plc.say(LIFTING)
         self.robot.lift()
         lifted_s = time.monotonic()
         if self.robot.damaged:
             self.robot.live(1.5)  # the PLC's limit for a weight
             stable = self.plc.scan()
         else:
-            stable = self.plc.wait("a stable weight", lambda seen: seen["state"] == STABLE)
+            stable = self.plc.wait("a stable weight", lambda seen: seen["ok"])
         stable["slid"] = stable["slips"] - grasped["slips"] & 0xFFFF
         stable["after_s"] = time.monotonic() - lifted_s
-        self.plc.write(GRIPPER_STATE, MOVING)
+        self.plc.say(MOVING)
         do(stable)
-        self.plc.write(GRIPPER_STATE, OPENING)
+        self.plc.say(OPENING)
         self.robot.open()
         self.plc.wait("open", lambda seen: seen["grip"] == OPEN and self.robot.is_open())
         return stable
 
     def teach(self, object_id):
         def one_more(_):
-            self.plc.write(TEACH, object_id)
+            self.plc.run(TEACH, 0, object_id)
         return one_more
 
     def test_every_object_goes_where_it_belongs(self):
@@ -185,8 +190,7 @@ class PickTask(unittest.TestCase):
         seen = self.plc.wait("open or lost", lambda seen: seen["grip"] in (OPEN, LOST))
         self.assertGreater(seen["slips"] - before["slips"] & 0xFFFF, 0)
         self.assertNotEqual(seen["latch"], 0)
-        answer = self.plc.client.write_coils(CLEAR_SLIP_COILS, [True, True], slave=1)
-        self.assertFalse(answer.isError(), answer)
+        self.plc.run(CLEAR_LATCHES, 3)
         self.plc.wait("the latch to be clear", lambda seen: seen["latch"] == 0)
 
     def test_a_contact_threshold_beyond_the_calibration_is_refused(self):

@@ -14,9 +14,7 @@ import unittest
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from daemon import BIN  # noqa: E402
 from held_force import FULL_SCALE_N, Held, wait_for  # noqa: E402
-
-sys.path.insert(0, str(pathlib.Path(__file__).parents[1]))
-from st.interpreter import Program  # noqa: E402
+from plc_view import program  # noqa: E402
 
 TARE, UNTARE, CLEAR = 1, 2, 3
 DONE, REJECTED = 2, 3
@@ -225,34 +223,33 @@ class Faults(unittest.TestCase):
 
 
 class FunctionBlock(unittest.TestCase):
-    """The generated FB_TACTILED and FB_TACTILED_COMMAND, run against the daemon like a PLC's task."""
+    """The generated FB_TACTILED and FB_TACTILED_WRITE, run against the daemon like a PLC's task: one read and one write a cycle."""
 
     def setUp(self):
-        text = subprocess.run([BIN / "tactilectl", "map", "--format", "st", "--sensors", "1"], capture_output=True, text=True, check=True).stdout
-        program = Program(text)
-        self.map, self.command = program.instance("FB_TACTILED"), program.instance("FB_TACTILED_COMMAND")
+        self.program = program()
+        self.map, self.left, self.command = (self.program.instance(f"FB_TACTILED{end}") for end in ("", "_SENSOR", "_WRITE"))
+        self.inputs = {name: 0 for name in ("CMD", "MASK", "PARAM_H", "PARAM_L")} | {"EXECUTE": False}
 
     def scan(self, plc, writes=True, **inputs):
-        time.sleep(0.02)  # 50 calls a second: the heartbeat changes ten times a second
-        node, cells = plc.read(0, 32), plc.read(100, 25)
-        self.map.call(GLOBAL_REGS=node, SENSOR_REGS=cells, CALLS_PER_SECOND=50)
-        self.command.call(GLOBAL_REGS=node, GLOBAL_OK=self.map.value("GLOBAL_OK"), CALLS_PER_SECOND=50, **inputs)
+        time.sleep(0.02)
+        self.program.now_ms += 20
+        self.map.call(VIEW_REGS=plc.read(600, 125), READ_DONE=True)
+        self.left.call(SENSOR=self.map.values["SENSOR"][0])
+        self.command.call(NODE=self.map.values["NODE"], **inputs)
         if writes:
-            plc.write(5000, *self.command.value("COMMAND_REGS"))
-            plc.write_one(5020, self.command.value("HEARTBEAT_REG"))
+            plc.write(5300, *self.command.values["WRITE_REGS"])
 
     def until_valid(self, plc):
         def is_valid():
             self.scan(plc)
-            return self.map.value("VALID") and self.map.value("SENSOR[0].HAS_VALUE") and self.command.value("WRITES_ARRIVE")
+            return self.left.values["FRESH"] and self.command.values["WRITES_ARRIVE"] and plc.read(10, 1)[0] & 1
         wait_for(is_valid, "a fresh read")
 
     def run_once(self, plc, seconds=30, **inputs):
         self.scan(plc, EXECUTE=False)
         until = time.monotonic() + seconds
         self.scan(plc, EXECUTE=True, **inputs)
-        while self.command.value("BUSY") and time.monotonic() < until:
-            time.sleep(0.01)
+        while self.command.values["BUSY"] and time.monotonic() < until:
             self.scan(plc)
         return [self.command.value(name) for name in ("DONE", "ERROR", "RESULT")]
 
@@ -263,12 +260,15 @@ class FunctionBlock(unittest.TestCase):
             for count in (1, 2):
                 self.assertEqual(self.run_once(plc, CMD=TARE, MASK=1), [True, False, OK])
                 self.assertEqual(plc.read(120, 1), [count])
+            for _ in range(50):
+                self.scan(plc)
+            self.assertEqual(plc.read(120, 1), [2], "a cyclic write runs nothing again")
             held.press(-25.0)
             self.assertEqual(self.run_once(plc, CMD=TARE, MASK=1), [False, True, UNDER_LOAD])
             held.restart(signal.SIGKILL)
             self.until_valid(plc)
-            self.assertAlmostEqual(self.map.value("SENSOR[0].FZ_N"), -25, delta=0.05)
-            self.assertEqual(plc.outcome()[2], ADOPTED)
+            self.assertAlmostEqual(self.left.values["FZ_N"], -25, delta=0.05)
+            wait_for(lambda: self.scan(plc) or plc.outcome()[2] == ADOPTED, "the old number to be adopted")
             self.assertEqual(self.run_once(plc, CMD=UNTARE, MASK=1), [True, False, OK])
             self.assertEqual(plc.read(120, 1), [0])
 
@@ -277,13 +277,28 @@ class FunctionBlock(unittest.TestCase):
             plc = held.plc()
             for _ in range(10):
                 self.scan(plc)
-            self.scan(plc, EXECUTE=True, CMD=TARE, MASK=1, TIMEOUT_S=1, writes=False)
+            self.scan(plc, EXECUTE=True, CMD=TARE, MASK=1, TIMEOUT=1000, writes=False)
             for _ in range(60):
                 self.scan(plc, writes=False)
             self.assertEqual([self.command.value(n) for n in ("BUSY", "ERROR", "RESULT")], [False, True, 7])
-            self.assertEqual(self.command.value("COMMAND_REGS")[:2], [0, 0])
+            self.assertEqual(self.command.value("WRITE_REGS")[:2], [0, 0])
             self.scan(plc)
             self.assertEqual(plc.read(120, 1), [0])
+            self.assertEqual(self.run_once(plc, CMD=TARE, MASK=1, TIMEOUT=20000), [True, False, OK])
+
+    def test_hints_are_written_and_nothing_said_leaves_them_as_configured(self):
+        with Held() as held:
+            plc = held.plc()
+            self.scan(plc)
+            gravity = {"GRAVITY_X": 0.0, "GRAVITY_Y": 6.937, "GRAVITY_Z": -6.937}
+            for hint, words in (({"HAS_GRAVITY": False}, [0, 0, 0]), ({"HAS_GRAVITY": True, **gravity}, [0, 6937, -6937 & 0xFFFF]),
+                                ({"HAS_GRAVITY": True, "GRAVITY_X": 40.0}, [0, 0, 0]), ({"HAS_GRAVITY": False}, [0, 0, 0])):
+                self.scan(plc, **hint)
+                self.assertEqual(self.command.value("WRITE_REGS")[8:11], words)
+            self.scan(plc, HAS_ACCEL=True, ACCEL_X=1.5)
+            self.assertEqual(plc.read(5311, 4), [1500, 0, 0, 1])
+            self.scan(plc, HAS_ACCEL=False)
+            self.assertEqual(plc.read(5311, 4), [0, 0, 0, 1], "the count confirms, and stays")
 
 
 if __name__ == "__main__":

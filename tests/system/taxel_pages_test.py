@@ -82,11 +82,13 @@ class Pages(unittest.TestCase):
 
     def test_the_function_block_joins_the_pages(self):
         text = subprocess.run([BIN / "tactilectl", "map", "--format", "st", "--values", "1024"], capture_output=True, text=True, check=True).stdout
-        block = Program(text).instance("FB_TACTILED_ARRAY")
+        plc = Program(text)
+        block = plc.instance("FB_TACTILED_ARRAY")
         call = {"HEAD_REGS": self.plc.latch(), "PAGE_REGS": [0] * 125}
 
         def step(head=False, page=False):
-            block.call(**call, HEAD_READ=head, PAGE_READ=page, CALLS_PER_SECOND=10)
+            plc.now_ms += 100
+            block.call(**call, HEAD_READ=head, PAGE_READ=page)
             return [block.value(name) for name in ("BUSY", "VALID", "MIXED")]
 
         self.assertEqual(step(head=True), [True, False, False])
@@ -101,7 +103,7 @@ class Pages(unittest.TestCase):
         self.assertEqual({block.value(f"VALUES[{i}]") for i in range(1024)}, {force})
         self.assertEqual((block.value("TAXELS"), block.value("OK")), (1024, bool(call["HEAD_REGS"][STATUS] & 1)))
         self.assertAlmostEqual(block.value("UNIT_N"), 0.01, places=6)
-        self.assertEqual([step() for _ in range(50)][-1], [False, False, False], "values are valid for 5 s")
+        self.assertEqual([step()[1] for _ in range(10)], [True] * 6 + [False] * 4, "values are valid for 0.9 s after their last page")
         call["HEAD_REGS"] = self.plc.latch()
         step(head=True)
         call["PAGE_REGS"] = [call["HEAD_REGS"][TOKEN] + 1 & 0xFFFF] + [0] * 124

@@ -67,6 +67,41 @@ TEST(RegisterMap, AreasHoldWholeRequestsOnly) {
     EXPECT_EQ(area_of(5090, 20), nullptr);  // from the controls into scratch
 }
 
+TEST(RegisterMap, AreasAreInTheOrderOfTheirAddressesAndShareNone) {
+    const auto all = areas();
+    for (std::size_t i = 1; i < all.size(); ++i) EXPECT_GE(all[i].at, all[i - 1].at + all[i - 1].size) << all[i].title;
+    for (std::uint32_t at = 0; at < 30'000; at += 7)
+        for (const std::uint32_t count : {1u, 2u, 33u, 125u}) {
+            std::size_t touched = 0;
+            for (const Area& area : all) touched += at < std::uint32_t(area.at) + area.size && area.at < at + count ? 1 : 0;
+            const auto found = areas_in(at, count);
+            ASSERT_EQ(found.size(), touched) << at << " + " << count;
+            for (const Area& area : found) ASSERT_TRUE(at < std::uint32_t(area.at) + area.size && area.at < at + count);
+        }
+}
+
+TEST(RegisterMap, ACopyIsOfACellThatHasARow) {
+    for (const Area& area : areas())
+        for (const Copy& copy : area.copies)
+            for (unsigned i = 0; i < copy.count; ++i) {
+                const auto at = std::uint16_t(area.at + copy.at + i);
+                EXPECT_EQ(origin_of(at), copy.from + i);
+                const Area* const origin = area_of(copy.from + i, 1);
+                ASSERT_NE(origin, nullptr) << at;
+                EXPECT_TRUE(origin->copies.empty()) << "a copy of a copy";
+                EXPECT_EQ(writable_at(at), writable_at(copy.from + i)) << at;
+            }
+    EXPECT_EQ(origin_of(5300), 5000);
+    EXPECT_EQ(origin_of(5305), 5020);
+    EXPECT_EQ(origin_of(5306), 5022);
+    EXPECT_EQ(origin_of(5308), 5040);
+    EXPECT_EQ(origin_of(5314), 5046);
+    EXPECT_EQ(origin_of(650), 61);
+    EXPECT_EQ(origin_of(695), 126);
+    EXPECT_EQ(origin_of(724), 724);
+    EXPECT_EQ(origin_of(0), 0);
+}
+
 TEST(RegisterMap, EverySensorReasonHasItsOwnFaultNumber) {
     std::set<std::uint16_t> numbers;
     for (int bit = 0; bit <= 19; ++bit) {

@@ -42,9 +42,19 @@ TEST(RequestValidator, AnswersWrongRequestsWithTheRightException) {
         {"126 registers", {3, 0, 100, 0, 126}, 3},
         {"65535 registers", {3, 0, 0, 0xFF, 0xFF}, 3},
         {"too many and at a wrong address: quantity is checked first", {3, 0xFF, 0xFF, 0, 126}, 3},
-        {"one beyond the global block", {3, 0, 0, 0, 33}, 2},
+        {"one beyond the global block", {3, 0, 0, 0, 33}, 0},
+        {"a whole scan", {4, 0, 0, 0, 125}, 0},
+        {"the view of a gripper", {4, 2, 0x58, 0, 125}, 0},
+        {"from the sensors into the view", {4, 1, 0xF3, 0, 102}, 0},
+        {"from the hole before the commands into them", {3, 0x13, 0x87, 0, 2}, 0},
+        {"the same by FC 4", {4, 0x13, 0x87, 0, 2}, 2},
+        {"from a page of an array into the next one", {3, 0x2A, 0xF9, 0, 125}, 2},
+        {"from a hole into the first page", {3, 0x2A, 0xF7, 0, 2}, 2},
+        {"from the last head into the hole", {3, 0x28, 0x0F, 0, 2}, 2},
+        {"from the hole before the heads into them", {3, 0x27, 0x0F, 0, 17}, 2},
         {"between the blocks", {3, 0, 35, 0, 1}, 2},
-        {"across the hole", {3, 0, 31, 0, 70}, 2},
+        {"across the hole", {3, 0, 31, 0, 70}, 0},
+        {"all of a hole", {3, 0, 88, 0, 12}, 2},
         {"beyond the sensors", {4, 1, 0xF4, 0, 1}, 2},
         {"wraps at 65536", {4, 0xFF, 0xFF, 0, 2}, 2},
         {"the last address", {4, 0xFF, 0xFF, 0, 1}, 2},
@@ -59,6 +69,11 @@ TEST(RequestValidator, AnswersWrongRequestsWithTheRightException) {
         {"write scratch", {6, 0x13, 0xEC, 0, 1}, 0},
         {"write beyond scratch", {6, 0x14, 0x6C, 0, 1}, 2},
         {"input registers are not what can be written", {4, 0x13, 0x88, 0, 1}, 2},
+        {"nor what is a copy of it", {4, 0x14, 0xB4, 0, 15}, 2},
+        {"read the registers of a cycle", {3, 0x14, 0xB4, 0, 15}, 0},
+        {"write the last register of a cycle", {6, 0x14, 0xC2, 0, 1}, 0},
+        {"write beyond the registers of a cycle", {16, 0x14, 0xC2, 0, 2, 4, 0, 1, 0, 2}, 2},
+        {"write into the view of a gripper", {6, 2, 0x59, 0, 1}, 2},
         {"write one, short: its data would be the next header", {6, 0, 0}, 3},
         {"write one, long", {6, 0, 0, 0, 1, 2}, 3},
         {"write two that are read-only", {16, 0, 0, 0, 2, 4, 0, 1, 0, 2}, 2},
@@ -91,6 +106,7 @@ TEST(RequestValidator, AnswersWrongRequestsWithTheRightException) {
         {"mask write, short", {22, 0x13, 0xEC, 0, 0, 0}, 3},
         {"read 25 and write 5000", {23, 0, 25, 0, 3, 0x13, 0x88, 0, 1, 2, 0, 1}, 0},
         {"read nothing, write scratch", {23, 0, 25, 0, 0, 0x13, 0xEC, 0, 1, 2, 0, 1}, 3},
+        {"read the view, write the registers of a cycle", {23, 2, 0x58, 0, 125, 0x14, 0xB4, 0, 1, 2, 0, 1}, 0},
         {"read outside, write scratch", {23, 0, 35, 0, 1, 0x13, 0xEC, 0, 1, 2, 0, 1}, 2},
         {"read 25, write what is read-only", {23, 0, 25, 0, 3, 0, 0, 0, 1, 2, 0, 1}, 2},
         {"read and write, byte count odd", {23, 0, 25, 0, 3, 0x13, 0xEC, 0, 1, 1, 0}, 3},
@@ -163,7 +179,12 @@ TEST(RequestValidator, LetsThroughOnlyWhatTheTableHas) {
             ASSERT_LE(r.write.at + r.write.count, 34);
         } else if (r.read.count != 0) {
             ASSERT_LE(r.read.count, 125);
-            ASSERT_NE(area_of(r.read.at, r.read.count), nullptr);
+            const auto read = areas_in(r.read.at, r.read.count);
+            ASSERT_FALSE(read.empty());
+            for (const Area& area : read) {
+                ASSERT_TRUE(area_of(r.read.at, r.read.count) == &area || !area.is_latched());
+                ASSERT_TRUE(r.function != 4 || !area.is_holding_only());
+            }
         }
         for (unsigned k = 0; k < r.write.count && !bits; ++k)
             ASSERT_NE(writable_at(r.write.at + k), nullptr);  // no scratch here
