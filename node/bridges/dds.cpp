@@ -6,6 +6,7 @@
 
 #include "node/bridges/bridge.hpp"
 #include "node/bridges/dds_domain.hpp"
+#include "node/bridges/edge.hpp"
 #include "node/ctl/command_line.hpp"
 
 namespace tactiled::bridges::dds {
@@ -19,12 +20,6 @@ struct Args {
 
 constexpr std::uint64_t kDiagnoseEachNs = 1'000'000'000;
 constexpr std::uint64_t kDiagnoseAtMostNs = 50'000'000;  // also where a quality flickers
-
-std::uint8_t level_of(const tactiled_sample& s) {
-    if (s.quality == TACTILED_GOOD) return 0;
-    if (s.quality == TACTILED_UNCERTAIN) return 1;
-    return (s.reasons & TACTILED_REASONS_OF_OLD) != 0 ? 3 : 2;
-}
 
 struct Sensor {
     std::uint32_t index;
@@ -124,7 +119,7 @@ private:
             if (s.quality == TACTILED_NO_VALUE) continue;
             all.push_back({prefix + ": " + sensor.name,
                            ctl::quality_text(s.quality, s.reasons),
-                           level_of(s),
+                           diagnostic_level(s.quality, s.reasons),
                            {{"bad samples", std::to_string(sensor.bad)},
                             {"lost frames", std::to_string(s.lost)},
                             {"rate_Hz", fmt::format("{:.1f}", s.rate_Hz)}}});
