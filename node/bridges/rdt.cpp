@@ -15,6 +15,7 @@
 #include "config/options.hpp"
 #include "drivers/descriptor.hpp"
 #include "node/bridges/bridge.hpp"
+#include "node/bridges/edge.hpp"
 #include "node/bridges/rdt_packet.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/modbus/allow_list.hpp"
@@ -128,7 +129,8 @@ private:
         if (!client.pace.passes(sample)) return true;
         if (std::exchange(client.wants_bias, false)) client.bias = values;
         for (std::size_t i = 0; i < 6; ++i) values[i] -= client.bias[i];
-        const auto record = encode(client.sequence, std::uint32_t(sample.sequence), status_of(sample), values, args_.scale);
+        const auto record = encode(client.sequence, std::uint32_t(sample.sequence),
+                                   rdt_status(sample.quality, sample.reasons), values, args_.scale);
         if (!record) {
             ++counts.dropped;
             return true;
