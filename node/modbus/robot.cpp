@@ -12,6 +12,12 @@ grasp::Vector vector_at(unsigned at, const Words& words) noexcept {
     return {words.value(at), words.value(at + 1), words.value(at + 2)};
 }
 
+double squares_of(const grasp::Vector& v) noexcept {
+    double sum = 0;
+    for (const double axis : v) sum += axis * axis;
+    return sum;
+}
+
 }  // namespace
 
 Command& Robot::renew(Latest& latest, Command::Kind kind) noexcept {
@@ -22,17 +28,23 @@ Command& Robot::renew(Latest& latest, Command::Kind kind) noexcept {
 
 void Robot::note(unsigned at, bool changed, const Words& words, std::uint64_t now_ns) noexcept {
     if (at == kGripperState) renew(hint_, Command::Kind::hint).gripper = grasp::Hint(words[at]);
-    if (at == kGravityX + 2) renew(down_, Command::Kind::gravity).robot_G_m_s2 = vector_at(kGravityX, words);
+    if (at == kGravityX + 2) note_gravity(vector_at(kGravityX, words));
     if (at != kAccelCount || !changed) return;
     Command& motion = renew(motion_, Command::Kind::acceleration);
     motion.robot_G_m_s2 = vector_at(kAccelX, words);
     motion.reported_ns = now_ns;
 }
 
+// A PLC that says nothing leaves the configured gravity in force, but not the one that it has said before.
+void Robot::note_gravity(const grasp::Vector& gravity_G_m_s2) noexcept {
+    const bool says_nothing = squares_of(gravity_G_m_s2) == 0;
+    if (says_nothing && down_.command.kind != Command::Kind::gravity) return;
+    renew(down_, Command::Kind::gravity).robot_G_m_s2 = says_nothing ? grasp::Vector{kNaN, kNaN, kNaN} : gravity_G_m_s2;
+}
+
 bool Robot::is_gravity(const Words& words) noexcept {
-    double squares = 0;
-    for (const double axis : vector_at(kGravityX, words)) squares += axis * axis;
-    return std::isnan(squares) || (squares >= kMinG_m_s2 * kMinG_m_s2 && squares <= kMaxG_m_s2 * kMaxG_m_s2);
+    const double squares = squares_of(vector_at(kGravityX, words));
+    return std::isnan(squares) || squares == 0 || (squares >= kMinG_m_s2 * kMinG_m_s2 && squares <= kMaxG_m_s2 * kMaxG_m_s2);
 }
 
 bool Robot::forget() noexcept {

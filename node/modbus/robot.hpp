@@ -13,7 +13,8 @@ public:
     // a new direction.
     void note(unsigned at, bool changed, const Words& words, std::uint64_t now_ns) noexcept;
 
-    // Returns true if the words are the gravity on Earth, or not available: a wrong scale would give no weight.
+    // Returns true if the words are the gravity on Earth, not available, or 0, 0, 0, which says nothing: a wrong scale would
+    // give no weight.
     static bool is_gravity(const Words& words) noexcept;
 
     // Returns true for the registers of these data.
@@ -33,6 +34,7 @@ private:
         Command command{};
         bool unsent = false;
     };
+    void note_gravity(const grasp::Vector& gravity_G_m_s2) noexcept;
     Command& renew(Latest& latest, Command::Kind kind) noexcept;
 
     Latest silence_, hint_, down_, motion_;  // in this order: newer data end the silence

@@ -69,8 +69,9 @@ constexpr Register kControls[] = {
     {kWeighWindow, "WEIGH_WINDOW", u16, kMilliseconds, "WEIGHT is a mean over this time; values above 1000 count as 1000",
      kKept, locked(10, 10000)},
     {kGravityX, "GRAVITY_X", i16, kAcceleration,
-     "gravity in the gripper's frame G; all three count when Z is written, and must be 9.7 .. 9.9 m/s2 together", kKept,
-     kAny},
+     "gravity in the gripper's frame G; all three count when Z is written, and must be 9.7 .. 9.9 m/s2 together; 0, 0, 0 "
+     "says nothing",
+     kKept, kAny},
     {kGravityX + 1, "GRAVITY_Y", i16, kAcceleration, "", kKept, kAny},
     {kGravityX + 2, "GRAVITY_Z", i16, kAcceleration,
      "the configured gravity until it is written after a start; not known after PLC_WATCHDOG has expired", kKept, kAny},

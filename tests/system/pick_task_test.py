@@ -126,8 +126,8 @@ class PickTask(unittest.TestCase):
         self.robot.lift()
         lifted_s = time.monotonic()
         if self.robot.damaged:
-            self.robot.live(1.5)  # the PLC's limit for a weight
-            stable = self.plc.scan()
+            limit_s = self.robot.world_s + 1.5  # the PLC's limit for a weight
+            stable = self.plc.wait("the end of the time for a weight", lambda _: self.robot.world_s > limit_s)
         else:
             stable = self.plc.wait("a stable weight", lambda seen: seen["ok"])
         stable["slid"] = stable["slips"] - grasped["slips"] & 0xFFFF

@@ -296,9 +296,9 @@ class FunctionBlock(unittest.TestCase):
                 self.scan(plc, **hint)
                 self.assertEqual(self.command.value("WRITE_REGS")[8:11], words)
             self.scan(plc, HAS_ACCEL=True, ACCEL_X=1.5)
-            self.assertEqual(plc.read(5311, 4), [1500, 0, 0, 1])
+            self.assertEqual(plc.client.read_holding_registers(5311, count=4).registers, [1500, 0, 0, 1])
             self.scan(plc, HAS_ACCEL=False)
-            self.assertEqual(plc.read(5311, 4), [0, 0, 0, 1], "the count confirms, and stays")
+            self.assertEqual(plc.client.read_holding_registers(5311, count=4).registers, [0, 0, 0, 1], "the count confirms, and stays")
 
 
 if __name__ == "__main__":

@@ -125,6 +125,15 @@ TEST_F(GraspControls, GravityCountsWhenItsLastAxisIsWritten) {
     EXPECT_EQ(cell(kGravityX + 1), std::uint16_t(-9810));
 }
 
+TEST_F(GraspControls, GravityOfNothingLeavesTheConfiguredOneAndEndsTheOneThatWasWritten) {
+    EXPECT_EQ(put(kGravityX, {0, 0, 0}), kNone);
+    nothing_was_sent();
+    EXPECT_EQ(put(kGravityX, {0, 0, std::uint16_t(-9810)}), kNone);
+    EXPECT_DOUBLE_EQ(sent().robot_G_m_s2[2], -9.81);
+    EXPECT_EQ(put(kGravityX, {0, 0, 0}), kNone);
+    EXPECT_TRUE(std::isnan(sent().robot_G_m_s2[2]));
+}
+
 TEST_F(GraspControls, GravityInAWrongScaleIsRefusedWhole) {
     EXPECT_EQ(put(kGravityX, {0, 0, std::uint16_t(-981)}), kIllegalValue);  // 0.01 m/s^2
     EXPECT_EQ(put(kGravityX, {0, 0, 1000}), kIllegalValue);                 // 0.001 g
