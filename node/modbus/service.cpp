@@ -85,8 +85,8 @@ View Service::look() {
     return view;
 }
 
+// Fills the cells of all areas in the run. Addresses between areas are never written and stay 0.
 void Service::fill_run(Run run, const View& view, const Session& session, std::uint64_t now_ns) {
-    std::fill_n(tables_.registers.begin() + run.at, run.count, std::uint16_t(0));  // addresses between areas
     for (const Area& area : areas_in(run.at, run.count))
         if (area.block != Block::scratch || scratch_)
             fill_registers(area, common(run, area.at, area.size), view, session, now_ns);

@@ -13,8 +13,8 @@ namespace tactiled::web {
 
 const std::array<const char*, 9> kFaultWords{"sensor-lost", "overrange", "open-gauge", "overrun", "calibration",
                                              nullptr,       "storage",   "bus",        "internal"};
-const std::array<const char*, 8> kWarningWords{nullptr, "drift",  "lost-frames", nullptr,
-                                               "tare",  "budget", "rate",        "reload-refused"};
+const std::array<const char*, 10> kWarningWords{nullptr,  "drift", "lost-frames",    nullptr,       "tare",
+                                                "budget", "rate",  "reload-refused", "jaws-differ", "hints-expired"};
 
 std::vector<const char*> words_of(std::span<const char* const> all, std::uint32_t bits) {
     std::vector<const char*> words;

@@ -14,7 +14,7 @@ namespace tactiled::web {
 
 // Words of tactiled_node.fault and .warning, bit by bit; nullptr: no such bit.
 extern const std::array<const char*, 9> kFaultWords;
-extern const std::array<const char*, 8> kWarningWords;
+extern const std::array<const char*, 10> kWarningWords;
 // Returns the words of the bits that are set.
 std::vector<const char*> words_of(std::span<const char* const> all, std::uint32_t bits);
 

@@ -64,11 +64,12 @@ Registers all_of(const Controls& controls, const Session& session, std::uint64_t
 
 // A request out of a few bytes: the addresses that mean something, now and then any.
 std::vector<std::uint8_t> request_of(Input& input) {
-    constexpr std::uint16_t kPlaces[] = {
-        kCmd,      kCmdMask,   kCmdSeq,     kTareCell, kClearLatchCell, kResetPeakCell, kPlcHeartbeat, kPlcWatchdog,
-        kFilterHz, kContactOn, kContactOff, kGravityX, kAccelX,         kUnlock,        kScratchAt,    kWeighCell};
+    constexpr std::uint16_t kPlaces[] = {kCmd,           kCmdMask,      kCmdSeq,      kTareCell, kClearLatchCell,
+                                         kResetPeakCell, kPlcHeartbeat, kPlcWatchdog, kFilterHz, kContactOn,
+                                         kContactOff,    kGravityX,     kAccelX,      kUnlock,   kScratchAt,
+                                         kWeighCell,     kCycleAt};
     const unsigned what = input.byte();
-    const std::uint16_t at = what % 32 < 16 ? kPlaces[what % 16] : std::uint16_t(kControlsAt + input.byte());
+    const std::uint16_t at = what % 32 < std::size(kPlaces) ? kPlaces[what % 32] : std::uint16_t(kControlsAt + input.byte());
     std::vector<std::uint8_t> pdu;
     const auto word = [&](unsigned value) { pdu.insert(pdu.end(), {std::uint8_t(value >> 8), std::uint8_t(value)}); };
     constexpr std::uint8_t kFunctions[] = {6, 16, 22, 5, 15, 6, 16, 6};
@@ -82,7 +83,7 @@ std::vector<std::uint8_t> request_of(Input& input) {
         word(input.number(2));
         word(input.number(2));
     } else if (function == 16) {
-        const unsigned n = 1 + input.byte() % 12;
+        const unsigned n = 1 + input.byte() % 15;
         word(at);
         word(n);
         pdu.push_back(std::uint8_t(2 * n));
@@ -112,6 +113,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     Input input(data, size);
     ModbusSettings settings{};
     settings.commands = true;
+    settings.hints_expire_ms = 2000;
     CommandRing commands(16);
     Controls controls(settings, commands);
     Session sessions[2];
@@ -141,7 +143,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         const Registers after = all_of(controls, session, now_ns);
         const bool registers = request.function != kWriteCoil && request.function != kWriteCoils;
         for (unsigned k = 0; registers && request.function != kMaskWrite && k < request.write.count; ++k) {
-            const unsigned at = request.write.at + k;
+            const unsigned at = origin_of(std::uint16_t(request.write.at + k));
             const bool is_number = at >= kScratchAt || (at >= kFilterHz && at <= kSlipSensitivity) || at == kPlcHeartbeat;
             if (is_number) check(after[at - kControlsAt] == (request.written[2 * k] << 8 | request.written[2 * k + 1]));
         }

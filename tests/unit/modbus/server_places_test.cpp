@@ -39,21 +39,34 @@ TEST_F(ServerTest, AClientThatHasNeverAskedMakesRoomAtOnce) {
     EXPECT_FALSE(asked.answer().empty());
 }
 
+// Clients that connect, send nothing, and connect again as soon as they are closed.
+class Idle {
+public:
+    Idle(std::uint16_t port, int n) {
+        for (int i = 0; i < n; ++i)
+            threads_.emplace_back([this, port] {
+                while (!end_.load()) {
+                    Client client(port);
+                    ++connected;
+                    while (!end_.load() && !client.is_closed_within(20)) {}
+                }
+            });
+    }
+    ~Idle() {
+        end_ = true;
+        for (std::thread& thread : threads_) thread.join();
+    }
+    std::atomic<int> connected{0};
+
+private:
+    std::atomic<bool> end_{false};
+    std::vector<std::thread> threads_;
+};
+
 TEST_F(ServerTest, IdleClientsThatReconnectAtOnceKeepNoPlcOut) {
     const auto server = serve(24);
-    std::atomic<bool> end{false};
-    std::atomic<int> connected{0}, again{0};
-    std::vector<std::thread> idle;
-    for (int i = 0; i < 24; ++i)
-        idle.emplace_back([&] {
-            while (!end.load()) {
-                Client client(port_);
-                ++connected;
-                while (!end.load() && !client.is_closed_within(20)) {}
-                ++again;
-            }
-        });
-    while (connected.load() < 24) ::usleep(1000);
+    const Idle idle(port_, 24);
+    while (idle.connected.load() < 24) ::usleep(1000);
     const auto asks = [](Client& c) { return c.send(read_request(1, 0, 2)) && !c.answer(5000).empty(); };
     for (int plc = 0; plc < 5; ++plc) {
         auto client = std::make_unique<Client>(port_);
@@ -66,9 +79,7 @@ TEST_F(ServerTest, IdleClientsThatReconnectAtOnceKeepNoPlcOut) {
             ::usleep(10'000);
         }
     }
-    end = true;
-    for (std::thread& thread : idle) thread.join();
-    EXPECT_GT(again.load(), 24) << "nothing was displaced";
+    EXPECT_GT(idle.connected.load(), 24) << "nothing was displaced";
 }
 
 // Hosts share the places evenly, whatever their clients do.
