@@ -184,4 +184,4 @@ class Cpp(C):
 
 
 FORCES = [Plc, Mqtt, HomeAssistant, Prometheus, Rules, Dds, Rdt, LinuxCnc, Web, Api, Python, C, Cpp]
-WEIGHTS = [PlcWeight, MqttWeight, PrometheusWeight, ApiWeight]  # where the node holds an object
+WEIGHTS = [PlcWeight, MqttWeight, PrometheusWeight, ApiWeight]  # a node that holds an object

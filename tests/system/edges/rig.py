@@ -18,7 +18,7 @@ BROKER = shutil.which("mosquitto") or "/usr/sbin/mosquitto"
 NEEDED = [BIN / name for name in ("tactiled-mqtt", "tactiled-dds", "tactiled-rdt", "tactiled-web", "fastdds_reader")] + [pathlib.Path(BROKER)]
 HERE = pathlib.Path(__file__).parent
 STALE_MS = 500
-FAULT_CELL = SENSOR[0] + 2  # of the view
+VIEW_FAULT = SENSOR[0] + 2
 
 
 class Rig:
@@ -127,12 +127,12 @@ class Rig:
 
     def doubt(self, bit):
         self.view.judge(UNCERTAIN, [0])
-        self.view.cells[FAULT_CELL] = FAULTS[bit]
+        self.view.cells[VIEW_FAULT] = FAULTS[bit]
         self.forged.show(bit)
 
     def believe(self, _):
         self.view.judge(GOOD, [0])
-        self.view.cells[FAULT_CELL] = 0
+        self.view.cells[VIEW_FAULT] = 0
         self.forged.show(0)
 
     def hold(self):
