@@ -141,6 +141,7 @@ struct ModbusSettings {
     int max_requests_per_s;                  // per client; 0 = no limit
     bool commands;                           // the writable block may be written
     std::vector<std::string> command_allow;  // CIDR; empty = all clients that may connect
+    int hints_expire_ms;                     // start value of PLC_WATCHDOG; 0 = never
     bool scratch;
     std::string settings;  // file that SAVE writes
     RtuSettings rtu;

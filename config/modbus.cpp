@@ -36,12 +36,18 @@ const Fields<ModbusSettings>& modbus_fields() {
          "empty."},
         {TACTILED_KEY(S, plc), "[]", Count{},
          "Addresses, as \"192.168.0.10\", that may connect and always find a place, 4 connections each."},
-        {TACTILED_KEY(S, max_clients), 8, range(1, 64), "", "Clients at a time, in addition to those of `plc`."},
+        {TACTILED_KEY(S, max_clients), 8, range(1, 64), "",
+         "Clients at a time, in addition to those of `plc`. A newcomer takes the place of a client that has never asked, of "
+         "one whose host holds two places more, or of one that is silent for 5 s."},
         {TACTILED_KEY(S, max_requests_per_s), 2000, range(0, 1'000'000), "1/s",
          "Requests of a client; 0 = no limit. Faster requests wait, and none is lost."},
-        {TACTILED_KEY(S, commands), false, "If true, commands, settings and hints (5000 .. 5091, coils) may be written."},
+        {TACTILED_KEY(S, commands), false,
+         "If true, commands, settings and hints (5000 .. 5091, 5300 .. 5314, coils) may be written."},
         {TACTILED_KEY(S, command_allow), "[], all that may connect", Count{},
          "Networks that may write, as \"192.168.0.10/32\". Needs commands = true."},
+        {TACTILED_KEY(S, hints_expire_ms), 2000, range(0, 60'000), "ms",
+         "Without a heartbeat and without a new hint of the PLC for longer, its gravity, acceleration and gripper state are "
+         "not known; 0 = never, else at least 10. The start value of PLC_WATCHDOG."},
         {TACTILED_KEY(S, scratch), false, "If true, there are 128 free registers at 5100, to try a client."},
         {TACTILED_KEY(S, settings), "/var/lib/tactiled/NAME.settings.toml", Text::full_path,
          "File in which the register SAVE stores."},
@@ -78,6 +84,9 @@ ModbusSettings read_modbus(Options table, const std::string& node_name) {
                           fmt::format("plc has {}; each is one address, such as \"192.168.0.10\"", in_quotes(address)));
     if (!modbus.command_allow.empty() && !modbus.commands)
         table.problem("command_allow", "command_allow has no effect without commands = true");
+    if (modbus.hints_expire_ms > 0 && modbus.hints_expire_ms < 10)
+        table.problem("hints_expire_ms",
+                      fmt::format("hints_expire_ms = {} is outside 10 .. 60000; 0 = never", modbus.hints_expire_ms));
     check_listen(table, modbus);
     return modbus;
 }

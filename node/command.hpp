@@ -38,7 +38,8 @@ struct Command {
         set = 100,
         hint = 101,
         gravity = 102,
-        acceleration = 103
+        acceleration = 103,
+        robot_is_silent = 104  // the data of the three before are no longer valid
     };
     Kind kind = Kind::tare;
     std::uint32_t mask = 0;               // bit n: sensor n

@@ -76,7 +76,8 @@ Commands::Answer Commands::answer_to(const Command& command, Grasping& grasping,
         case Kind::set:
         case Kind::hint:
         case Kind::gravity:
-        case Kind::acceleration: break;
+        case Kind::acceleration:
+        case Kind::robot_is_silent: break;
     }
     return {TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN};
 }

@@ -26,7 +26,7 @@ namespace tactiled {
 namespace {
 
 constexpr int kLookMs = 1000;      // interval of the check for refused tares
-constexpr int kPatienceMs = 100;   // wait for a client's request, and pause if no descriptor is available
+constexpr int kPatienceMs = 100;   // for a client's request if its place is needed, and pause if no descriptor is available
 constexpr int kAnswerMs = 15'000;  // longer than the longest tare
 constexpr std::uint64_t kLogEachNs = 10'000'000'000;
 
@@ -119,6 +119,7 @@ ControlSocket::ControlSocket(const std::string& path, const std::string& group, 
             if (::lchown(path.c_str(), uid_t(-1), found->gr_gid) != 0)
                 log_line(LogLevel::warning, "control socket {}: group {}: {}", path, group, std::strerror(errno));
     segment_ = Segment::open(node_name);
+    silent_.reserve(kPlaces);
     thread_.start("control", 0, -1, [this] { serve(); });
 }
 
@@ -132,24 +133,47 @@ ControlSocket::~ControlSocket() {
 }
 
 void ControlSocket::serve() noexcept {
+    std::array<pollfd, kPlaces + 1> watched;
     while (!stop_.load()) {
-        const bool asked = wait_readable(listener_, asker_ >= 0 ? 1 : kLookMs);
+        const std::size_t n = silent_.size();
+        for (std::size_t i = 0; i < n; ++i) watched[i] = {silent_[i].client, POLLIN, 0};
+        const int room_ms = room_in_ms();
+        watched[n] = {room_ms == 0 ? int(listener_) : -1, POLLIN, 0};  // -1: a newcomer waits in the queue of the kernel
+        const int look_ms = asker_ >= 0 ? 1 : kLookMs;
+        ::poll(watched.data(), nfds_t(n + 1), room_ms == 0 ? look_ms : std::min(look_ms, room_ms));
         if (asker_ >= 0) follow();
         log_refused_tares();
-        if (!asked || stop_.load()) continue;
-        Descriptor client(::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
-        if (client >= 0) try {
-                take(std::move(client));
-            } catch (const std::exception&) {}  // no memory: the client gets no answer
-        else
-            sleep_until(monotonic_ns() + std::uint64_t(kPatienceMs) * 1'000'000u);  // out of descriptors: avoids a busy loop
+        for (std::size_t i = 0; i < n && !stop_.load(); ++i)
+            if (watched[i].revents != 0) try {
+                    take(std::move(silent_[i].client));
+                } catch (const std::exception&) {}  // no memory: the client gets no answer
+        std::erase_if(silent_, [](const Silent& one) { return one.client < 0; });
+        if (watched[n].revents != 0 && !stop_.load()) accept();
     }
 }
 
-// Handles one client's request. A client that sends nothing within kPatienceMs is dropped.
+// Returns the time until a newcomer gets a place: 0 if there is one, or if the client that has been silent for longest has
+// had kPatienceMs for its request. It keeps its place as long as no other client needs it.
+int ControlSocket::room_in_ms() const noexcept {
+    if (silent_.size() < kPlaces) return 0;
+    const auto silent_ms = (monotonic_ns() - silent_.front().since_ns) / 1'000'000u;
+    return silent_ms >= std::uint64_t(kPatienceMs) ? 0 : kPatienceMs - int(silent_ms);
+}
+
+void ControlSocket::accept() noexcept {
+    Descriptor client(::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+    const bool no_room = client < 0 || silent_.size() == kPlaces;
+    if (no_room && !silent_.empty()) silent_.erase(silent_.begin());
+    if (client >= 0)
+        silent_.push_back({std::move(client), monotonic_ns()});
+    else
+        sleep_until(monotonic_ns() + std::uint64_t(kPatienceMs) * 1'000'000u);  // out of descriptors: avoids a busy loop
+}
+
+// Handles one client's request, which has arrived, or its end.
 void ControlSocket::take(Descriptor client) {
     char request[128];
-    const ssize_t size = wait_readable(client, kPatienceMs) ? ::recv(client, request, sizeof request, 0) : 0;
+    const ssize_t size = ::recv(client, request, sizeof request, 0);
     if (has_hung_up(client)) return;  // the client has given up, for example because this process was stopped
     std::istringstream words(std::string(request, std::size_t(std::max<ssize_t>(size, 0))));
     std::string node, verb, mask, more;

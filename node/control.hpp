@@ -20,6 +20,7 @@
 
 #include <atomic>
 #include <string>
+#include <vector>
 
 #include "drivers/descriptor.hpp"
 #include "node/control_client.hpp"
@@ -42,7 +43,16 @@ public:
     ControlSocket& operator=(const ControlSocket&) = delete;
 
 private:
+    // Clients that have not sent their request. They delay no other client, and cost only descriptors.
+    static constexpr std::size_t kPlaces = 64;
+    struct Silent {
+        Descriptor client;
+        std::uint64_t since_ns;
+    };
+
     void serve() noexcept;
+    [[nodiscard]] int room_in_ms() const noexcept;
+    void accept() noexcept;
     void take(Descriptor client);
     void begin(Descriptor client, Command command);
     void teach(Descriptor client, const std::string& name);
@@ -64,7 +74,8 @@ private:
     EventFanOut events_;
     std::uint32_t number_ = 0;
     Descriptor listener_;
-    Descriptor asker_;  // client that waits for the running command, -1 = none
+    std::vector<Silent> silent_;  // in the order of their connections
+    Descriptor asker_;            // client that waits for the running command, -1 = none
     std::uint64_t give_up_ns_ = 0;
     // acknowledged number of each commander's last refusal
     std::array<std::uint32_t, TACTILED_COMMANDERS> refusal_seen_{};

@@ -94,9 +94,8 @@ void Grasping::hand_over_objects() noexcept {
 
 bool Grasping::carry_out(const Command& command) noexcept {
     using Kind = Command::Kind;
-    if (tool_ && command.kind == Kind::gravity) tool_->gravity(command.robot_G_m_s2);
-    if (tool_ && command.kind == Kind::acceleration) tool_->acceleration(command.robot_G_m_s2, command.reported_ns);
-    if (!estimator_) return tool_ && command.kind >= Kind::gravity;
+    if (command.kind >= Kind::hint) return take_report(command);
+    if (!estimator_) return false;
     switch (command.kind) {
         case Kind::start_weighing: return estimator_->start_weighing();
         case Kind::stop_weighing: return estimator_->stop_weighing();
@@ -114,11 +113,30 @@ bool Grasping::carry_out(const Command& command) noexcept {
             return true;
         }
         case Kind::objects: take(command.objects); return true;
-        case Kind::hint: estimator_->hint(reported_hint_ = command.gripper); return true;
-        case Kind::gravity: estimator_->gravity(*(reported_gravity_G_m_s2_ = command.robot_G_m_s2)); return true;
-        case Kind::acceleration: estimator_->acceleration(command.robot_G_m_s2, command.reported_ns); return true;
         default: return false;
     }
+}
+
+bool Grasping::take_report(const Command& command) noexcept {
+    using Kind = Command::Kind;
+    const grasp::Vector& vector = command.robot_G_m_s2;
+    robot_is_silent_ = command.kind == Kind::robot_is_silent;
+    switch (command.kind) {
+        case Kind::hint: reported_hint_ = command.gripper; break;
+        case Kind::gravity: reported_gravity_G_m_s2_ = vector; break;
+        case Kind::acceleration:
+            if (tool_) tool_->acceleration(vector, command.reported_ns);
+            if (estimator_) estimator_->acceleration(vector, command.reported_ns);
+            return tool_ || estimator_;
+        default:  // silence; an acceleration expires by its own time
+            reported_hint_ = grasp::Hint::none;
+            if (reported_gravity_G_m_s2_) reported_gravity_G_m_s2_ = {kNaN, kNaN, kNaN};
+    }
+    const bool is_gravity = command.kind != Kind::hint && reported_gravity_G_m_s2_;
+    if (is_gravity && tool_) tool_->gravity(*reported_gravity_G_m_s2_);
+    if (is_gravity && estimator_) estimator_->gravity(*reported_gravity_G_m_s2_);
+    if (estimator_) estimator_->hint(reported_hint_);
+    return estimator_ || (tool_ && is_gravity);
 }
 
 void Grasping::set(const GraspSettable& settable) noexcept {
@@ -139,6 +157,7 @@ void Grasping::succeed(const Grasping& before) noexcept {
     set(before.requested_);
     reported_gravity_G_m_s2_ = before.reported_gravity_G_m_s2_;
     reported_hint_ = before.reported_hint_;
+    robot_is_silent_ = before.robot_is_silent_;
     if (estimator_ && reported_gravity_G_m_s2_) estimator_->gravity(*reported_gravity_G_m_s2_);
     if (estimator_) estimator_->hint(reported_hint_);
     if (estimator_) take({before.taught_.data(), before.n_taught_});

@@ -43,9 +43,12 @@ public:
     [[nodiscard]] tactiled_grasp state() const noexcept;
     // rt: bounded by the sensors
     [[nodiscard]] tactiled_tool tool() const noexcept;
+    // True from the time at which the robot's data have expired until it reports again. rt: wait-free
+    [[nodiscard]] bool robot_is_silent() const noexcept { return robot_is_silent_; }
 
 private:
     void observe_tool(std::size_t index, const tactiled_sample& sample, const Wrench& zero_S) noexcept;
+    bool take_report(const Command& command) noexcept;
     void take(std::span<const TaughtObject> objects) noexcept;
     void hand_over_objects() noexcept;
 
@@ -55,6 +58,7 @@ private:
     GraspSettable configured_, requested_{kNaN, kNaN};
     std::optional<grasp::Vector> reported_gravity_G_m_s2_;  // NaN: the robot reported that it is unknown
     grasp::Hint reported_hint_ = grasp::Hint::none;
+    bool robot_is_silent_ = false;
     tactiled_grasp before_{};                                // counters and latches of the predecessor; the rest is 0
     std::array<int, TACTILED_MAX_SENSORS> jaw_of_sensor_{};  // -1: none
     std::array<std::uint32_t, TACTILED_MAX_SENSORS> tares_seen_{}, methods_seen_{};

@@ -37,8 +37,6 @@ std::string topic_word(const std::string& name) {
     return word.empty() || std::isdigit(static_cast<unsigned char>(word.front())) != 0 ? "_" + word : word;
 }
 
-std::string quality_word(std::uint32_t quality) { return ctl::quality_text(quality, 0); }
-
 std::vector<std::string> reason_words(std::uint32_t reasons) {
     std::vector<std::string> words;
     for (std::size_t bit = 0; bit < ctl::kReasonWords.size(); ++bit)
@@ -53,12 +51,12 @@ double wall_s(std::uint64_t t_ns) {
     return double(wall.tv_sec) + (double(wall.tv_nsec) - double(age_ns)) / 1e9;
 }
 
-bool Pace::passes(const tactiled_sample& sample) {
-    const bool changed = std::exchange(quality_, sample.quality) != sample.quality;
-    if (period_ns_ == 0 || changed || sample.t_published_ns >= due_ns_ || due_ns_ - sample.t_published_ns > period_ns_) {
+bool Pace::passes(std::uint64_t t_ns, std::uint32_t quality) {
+    const bool changed = std::exchange(quality_, quality) != quality;
+    if (period_ns_ == 0 || changed || t_ns >= due_ns_ || due_ns_ - t_ns > period_ns_) {
         // A multiple of the period, so that a sample that is a little late does not slow the stream down.
-        const bool late = changed || sample.t_published_ns >= due_ns_ + period_ns_ || due_ns_ > sample.t_published_ns;
-        due_ns_ = (late ? sample.t_published_ns : due_ns_) + period_ns_;
+        const bool late = changed || t_ns >= due_ns_ + period_ns_ || due_ns_ > t_ns;
+        due_ns_ = (late ? t_ns : due_ns_) + period_ns_;
         return true;
     }
     return false;

@@ -22,8 +22,6 @@ void add_common_options(ctl::Command app, Common& common);
 
 // A name as a level of a topic: letters, digits and underscores, not beginning with a digit.
 std::string topic_word(const std::string& name);
-// TACTILED_GOOD is "good"; the others without their reasons, too.
-std::string quality_word(std::uint32_t quality);
 std::vector<std::string> reason_words(std::uint32_t reasons);
 // Seconds since 1970 of a time of CLOCK_MONOTONIC, by the clocks' difference now.
 double wall_s(std::uint64_t monotonic_ns);
@@ -32,7 +30,9 @@ double wall_s(std::uint64_t monotonic_ns);
 class Pace {
 public:
     explicit Pace(double rate_Hz) : period_ns_(rate_Hz > 0 ? std::uint64_t(1e9 / rate_Hz) : 0) {}
-    bool passes(const tactiled_sample& sample);
+    bool passes(const tactiled_sample& sample) { return passes(sample.t_published_ns, sample.quality); }
+    // `t_ns`: when the value was published.
+    bool passes(std::uint64_t t_ns, std::uint32_t quality);
 
 private:
     std::uint64_t period_ns_, due_ns_ = 0;

@@ -1,11 +1,13 @@
-// tactiled-dds: each sensor as a topic of ROS 2, geometry_msgs/WrenchStamped, without ROS. A value that is BAD is not sent;
-// /diagnostics says why.
+// tactiled-dds: sensors, the wrench on the gripper and the grasp as topics of ROS 2, without ROS. A wrench that is not GOOD
+// is not sent, because its message has no field for that; /diagnostics says why.
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <tuple>
 
 #include "node/bridges/bridge.hpp"
 #include "node/bridges/dds_domain.hpp"
+#include "node/bridges/edge.hpp"
 #include "node/ctl/command_line.hpp"
 
 namespace tactiled::bridges::dds {
@@ -15,16 +17,12 @@ struct Args {
     Common common;
     DomainOptions domain;
     std::string name, frame_prefix;
+    bool uncertain = false;  // sends these values, too
 };
 
 constexpr std::uint64_t kDiagnoseEachNs = 1'000'000'000;
 constexpr std::uint64_t kDiagnoseAtMostNs = 50'000'000;  // also where a quality flickers
-
-std::uint8_t level_of(const tactiled_sample& s) {
-    if (s.quality == TACTILED_GOOD) return 0;
-    if (s.quality == TACTILED_UNCERTAIN) return 1;
-    return (s.reasons & TACTILED_REASONS_OF_OLD) != 0 ? 3 : 2;
-}
+constexpr std::uint64_t kGraspEachNs = 50'000'000;  // before the grasp of a node with a stale_ms of 100 is no longer valid
 
 struct Sensor {
     std::uint32_t index;
@@ -32,7 +30,7 @@ struct Sensor {
     Domain::Writer writer;
     Pace pace;
     tactiled_sample last{};
-    std::uint64_t bad = 0;  // samples that were not sent
+    std::uint64_t held = 0;  // samples that were not sent
 };
 
 class Bridge {
@@ -41,7 +39,9 @@ public:
         : args_(args),
           name_(args.name.empty() ? topic_word(args.common.node) : args.name),
           follower_(args.common.node),
-          domain_(args.domain) {}
+          domain_(args.domain) {
+        tool_.pace = Pace(args.common.rate_Hz);
+    }
 
     int run() {
         ctl::catch_interrupt();
@@ -52,6 +52,7 @@ public:
             follower_.look();
             if (std::exchange(structure_, follower_.structure()) != follower_.structure()) name_sensors();
             for (Sensor& sensor : sensors_) publish(sensor);
+            publish_node();
             diagnose();
             report_.tick(follower_, counts_, readers_ == 0 ? "no reader" : fmt::format("{} readers", readers_));
             follower_.wait(monotonic_ns() + 20'000'000);
@@ -87,19 +88,63 @@ private:
         due_ = true;
     }
 
+    // A wrench has no field for its quality.
+    [[nodiscard]] bool may_be_sent(std::uint32_t quality) const {
+        return is_healthy(quality) || (args_.uncertain && quality == TACTILED_UNCERTAIN);
+    }
+
     void publish(Sensor& sensor) {
         tactiled_sample sample;
         while (follower_.next(sensor.index, sample)) {
             due_ |= sample.quality != sensor.last.quality || sample.reasons != sensor.last.reasons;
             sensor.last = sample;
-            if (sample.quality != TACTILED_GOOD && sample.quality != TACTILED_UNCERTAIN) {
-                ++sensor.bad;
+            if (!may_be_sent(sample.quality)) {
+                ++sensor.held;
                 sensor.pace.passes(sample);
             } else if (sensor.pace.passes(sample)) {
-                const bool sent = domain_.write(sensor.writer, sensor.frame, wall_s(sample.t_ns), sample);
+                const bool sent =
+                    domain_.write(sensor.writer, {sensor.frame, wall_s(sample.t_ns)}, sample.force_S_N, sample.torque_S_Nm);
                 ++(sent ? counts_.sent : counts_.dropped);
             }
         }
+    }
+
+    // The grasp and the wrench on the gripper, if the node has them.
+    void publish_node() {
+        if (!follower_.segment().is_open() || (!follower_.is_alive() && !node_seen_)) return;
+        tactiled_node node = follower_.node();
+        node_seen_ = follower_.is_alive();
+        if (!node_seen_) {
+            tactiled_forget_grasp(&node.grasp);
+            tactiled_forget_tool(&node.tool);
+        }
+        if (node.grasp.t_ns != 0) publish_grasp(node);
+        if (node.tool.quality != TACTILED_NO_VALUE) publish_tool(node);
+    }
+
+    void publish_tool(const tactiled_node& node) {
+        const tactiled_tool& tool = node.tool;
+        if (tool_.writer == 0) tool_.writer = domain_.wrench_writer(name_ + "/tool_wrench");
+        if (std::exchange(tool_.t_ns, tool.t_newest_ns) == tool.t_newest_ns) return;
+        if (!tool_.pace.passes(node.t_ns, tool.quality) || !may_be_sent(tool.quality)) return;
+        const Stamped at{args_.frame_prefix + "G", wall_s(tool.t_ns)};
+        ++(domain_.write(tool_.writer, at, tool.force_G_N, tool.torque_G_Nm) ? counts_.sent : counts_.dropped);
+    }
+
+    void publish_grasp(const tactiled_node& node) {
+        const std::uint64_t now_ns = monotonic_ns();
+        const tactiled_grasp& grasp = node.grasp;
+        const auto news = std::tuple(grasp.state, grasp.weight_state, grasp.weight_doubts, grasp.slips, grasp.grasps);
+        if (grasp_news_ == news && now_ns - grasp_.t_ns < kGraspEachNs) return;
+        if (grasp_.writer == 0) grasp_.writer = domain_.grasp_writer(name_ + "/grasp");
+        grasp_.t_ns = now_ns;
+        grasp_news_ = news;
+        const std::uint32_t worst = node_seen_ ? worst_quality(follower_.segment()) : std::uint32_t(TACTILED_BAD);
+        const Stamped at{args_.frame_prefix + "G", wall_s(grasp.t_ns)};
+        const double until_s = wall_s(valid_until_ns(follower_.segment(), node));
+        const bool sent =
+            domain_.write(grasp_.writer, at, until_s, grasp, grasp_quality(grasp, worst), weight_quality(grasp, worst));
+        ++(sent ? counts_.sent : counts_.dropped);
     }
 
     void diagnose() {
@@ -124,8 +169,9 @@ private:
             if (s.quality == TACTILED_NO_VALUE) continue;
             all.push_back({prefix + ": " + sensor.name,
                            ctl::quality_text(s.quality, s.reasons),
-                           level_of(s),
-                           {{"bad samples", std::to_string(sensor.bad)},
+                           diagnostic_level(s.quality, s.reasons),
+                           {{"held samples", std::to_string(sensor.held)},
+                            {"valid_ms", std::to_string(follower_.segment().c()->stale_ms[sensor.index])},
                             {"lost frames", std::to_string(s.lost)},
                             {"rate_Hz", fmt::format("{:.1f}", s.rate_Hz)}}});
         }
@@ -138,8 +184,14 @@ private:
     Domain domain_;
     std::vector<Sensor> sensors_;
     std::uint64_t structure_ = 0, diagnosed_ns_ = 0;
+    struct Part {  // a topic of the node; without a writer until the node has it
+        Domain::Writer writer = 0;
+        Pace pace{0};
+        std::uint64_t t_ns = 0;  // when it was last sent
+    } tool_, grasp_;
+    std::tuple<std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t> grasp_news_;
     std::uint32_t readers_ = 0;
-    bool due_ = true, ending_ = false;
+    bool due_ = true, ending_ = false, node_seen_ = false;
     Counts counts_;
     Report report_{"tactiled-dds"};
 };
@@ -167,11 +219,15 @@ int main(int argc, char** argv) {
     app.add_flag(
         "--many", args.domain.many,
         "for many bridges on one machine's loopback: they do not discover each other; readers need a participant number");
-    app.add_flag("--reliable", args.domain.reliable, "reliable instead of best effort, for readers that ask for it");
+    app.add_flag("--best-effort", args.domain.best_effort,
+                 "of the wrenches; default: reliable, as ROS 2 subscribes by default");
+    static bool reliable = true;
+    app.add_flag("--reliable", reliable, "the default; for command lines of older versions");
+    app.add_flag("--uncertain", args.uncertain, "sends wrenches that are UNCERTAIN, too: their message does not say so");
     app.footer(
         "Examples:\n"
         "  tactiled-dds                                            /gripper/left/wrench on this machine\n"
-        "  ROS_LOCALHOST_ONLY=1 ros2 topic echo --qos-profile sensor_data /gripper/left/wrench "
+        "  ROS_LOCALHOST_ONLY=1 ros2 topic echo /gripper/left/wrench "
         "geometry_msgs/msg/WrenchStamped\n"
         "  tactiled-dds --network eth0 --domain 7                  for other machines\n"
         "  ros2 topic echo /diagnostics diagnostic_msgs/msg/DiagnosticArray");

@@ -7,7 +7,9 @@
 #include "config/options.hpp"
 #include "config/text_file.hpp"
 #include "node/bridges/bridge.hpp"
+#include "node/bridges/edge.hpp"
 #include "node/bridges/mqtt_broker.hpp"
+#include "node/bridges/mqtt_discovery.hpp"
 #include "node/bridges/mqtt_message.hpp"
 #include "node/ctl/command_line.hpp"
 
@@ -18,10 +20,10 @@ struct Args {
     Common common;
     BrokerOptions broker;
     std::string password_file, prefix = "tactiled", discovery;
-    double deadband_N = 0, deadband_Nm = 0, refresh_s = 10;
+    double deadband_N = 0, deadband_Nm = 0;
 };
 
-constexpr std::uint64_t kStateEachNs = 10'000'000'000;
+constexpr std::uint64_t kLookEachNs = 100'000'000;    // for changes of the grasp: at most 10 messages a second
 constexpr std::uint64_t kLongestTickNs = 50'000'000;  // the ring of one of 16 sensors holds 64 ms at 4 kHz
 
 std::string password_in(const std::string& path) {
@@ -42,6 +44,9 @@ void check(Args& args) {
     if (!is_topic(args.prefix)) throw SetupError("--prefix: a topic, without + and #");
     if (!args.discovery.empty() && !is_topic(args.discovery))
         throw SetupError("--discovery: a topic, such as homeassistant");
+    if (args.common.rate_Hz > 0 && args.common.rate_Hz < 1)
+        throw SetupError(
+            fmt::format("--rate-Hz {}: 0, or 1 and more: a message expires after {} s", args.common.rate_Hz, kExpiryS));
     args.broker.tls |= !args.broker.ca_file.empty() || !args.broker.certificate_file.empty();
     args.broker.password = password_in(args.password_file);
     if (!args.broker.tls && !is_loopback(args.broker.host))
@@ -49,14 +54,20 @@ void check(Args& args) {
                    args.broker.password.empty() ? "" : " and the password", args.broker.host);
 }
 
+// A topic whose text is sent when it changes, and again before it expires.
+struct Renewed {
+    std::string topic, said;
+    std::uint64_t sent_ns = 0;  // 0: is due
+};
+
 // The topics and the last values of one sensor.
 struct Sensor {
     std::uint32_t index;
-    std::string wrench_topic, quality_topic;
+    std::string wrench_topic;
+    Renewed quality;
     Batch batch;
     Pace pace;
     Deadband deadband;
-    std::uint64_t published = ~std::uint64_t(0);  // quality and reasons
 };
 
 class Bridge {
@@ -65,7 +76,12 @@ public:
         : args_(args),
           topics_{args.prefix, args.common.node},
           follower_(args.common.node),
-          broker_(args.broker, "tactiled-mqtt-" + args.common.node, topics_.state(), last_will_text()) {}
+          broker_(args.broker, "tactiled-mqtt-" + args.common.node, topics_.state(), last_will_text(), kExpiryS),
+          tool_pace_(args.common.rate_Hz) {
+        state_.topic = topics_.state();
+        grasp_.topic = topics_.of_node("grasp");
+        weight_.topic = topics_.of_node("weight");
+    }
 
     int run() {
         ctl::catch_interrupt();
@@ -76,6 +92,10 @@ public:
         while (ctl::interrupted == 0) {
             follower_.look();
             if (std::exchange(structure_, follower_.structure()) != follower_.structure()) name_sensors();
+            if (broker_.fall_back())
+                fmt::print(stderr,
+                           "tactiled-mqtt: the broker refuses MQTT 5: by 3.1.1, which has no expiry, no state is "
+                           "retained, and a late subscriber waits for the next message\n");
             const std::uint32_t connections = broker_.connections();
             if (std::exchange(connections_, connections) != connections) greet();
             for (Sensor& sensor : sensors_) publish(sensor);
@@ -91,37 +111,49 @@ public:
     }
 
 private:
-    void put(const std::string& topic, const std::string& text, bool retained) {
-        ++(broker_.publish(topic, text, retained) ? counts_.sent : counts_.dropped);
+    void put(const std::string& topic, const std::string& text, Keep keep) {
+        ++(broker_.publish(topic, text, keep) ? counts_.sent : counts_.dropped);
+    }
+
+    // Sends a text that has changed or that is due again. `same`: equal where nothing has changed.
+    void renew(Renewed& renewed, const std::string& text, const std::string& same, Keep keep) {
+        const std::uint64_t now_ns = monotonic_ns();
+        if (now_ns - renewed.sent_ns < kRenewNs && renewed.said == same) return;
+        renewed.said = same;
+        renewed.sent_ns = now_ns;
+        put(renewed.topic, text, keep);
     }
 
     void name_sensors() {
         sensors_.clear();
+        names_.clear();
         for (std::uint32_t i = 0; i < follower_.n_sensors(); ++i) {
             const std::string name = follower_.segment().sensor(i).name;
+            names_.push_back(name);
             const auto& wanted = args_.common.sensors;
             if (!wanted.empty() && std::find(wanted.begin(), wanted.end(), name) == wanted.end()) continue;
             sensors_.push_back({i,
                                 topics_.of(name, "wrench"),
-                                topics_.of(name, "quality"),
+                                {topics_.of(name, "quality"), "", 0},
                                 {},
                                 Pace(args_.common.rate_Hz),
-                                Deadband(args_.deadband_N, args_.deadband_Nm, args_.refresh_s)});
+                                Deadband(args_.deadband_N, args_.deadband_Nm)});
         }
         greet();
     }
 
-    // Makes all retained messages due again, for a broker that has just been connected.
+    // Makes all messages due again, for a broker that has just been connected.
     void greet() {
-        state_ns_ = 0;
-        grasp_.clear();
-        for (Sensor& sensor : sensors_) {
-            sensor.published = ~std::uint64_t(0);
-            if (!args_.discovery.empty() && broker_.is_connected())
-                for (const auto& [topic, text] :
-                     discovery(args_.discovery, topics_, follower_.segment().sensor(sensor.index)))
-                    put(topic, text, true);
-        }
+        for (Renewed* renewed : {&state_, &grasp_, &weight_}) renewed->sent_ns = 0;
+        for (Sensor& sensor : sensors_) sensor.quality.sent_ns = 0;
+        if (args_.discovery.empty() || !broker_.is_connected()) return;
+        for (const Sensor& sensor : sensors_)
+            announce(discovery(args_.discovery, topics_, follower_.segment().sensor(sensor.index)));
+        announce(discovery(args_.discovery, topics_, has_grasp_, has_tool_));
+    }
+
+    void announce(const Announcements& announcements) {
+        for (const auto& [topic, text] : announcements) put(topic, text, Keep::kForever);
     }
 
     void publish(Sensor& sensor) {
@@ -134,16 +166,17 @@ private:
             if (args_.common.rate_Hz <= 0) publish_batch(sensor);
         }
         if (batch.samples != 0) publish_batch(sensor);
-        const auto quality = std::uint64_t(batch.newest.quality) << 32 | batch.newest.reasons;
-        if (batch.newest.quality == TACTILED_NO_VALUE || quality == sensor.published || !broker_.is_connected()) return;
-        sensor.published = quality;
-        put(sensor.quality_topic, quality_text(batch.newest), true);
+        if (batch.newest.quality == TACTILED_NO_VALUE || !broker_.is_connected()) return;
+        sample = batch.newest;  // it may have become old since
+        tactiled_judge(&sample, follower_.segment().c()->stale_ms[sensor.index], monotonic_ns());
+        renew(sensor.quality, quality_text(sample), fmt::format("{} {}", sample.quality, sample.reasons), Keep::kValue);
     }
 
     void publish_batch(Sensor& sensor) {
         Batch& batch = sensor.batch;
         if (!sensor.pace.passes(batch.newest) || !sensor.deadband.passes(batch.newest, monotonic_ns())) return;
-        put(sensor.wrench_topic, wrench_text(batch), false);
+        put(sensor.wrench_topic, wrench_text(batch, valid_until_ns(follower_.segment(), sensor.index, batch.newest)),
+            Keep::kValue);
         batch.samples = batch.bad = 0;
     }
 
@@ -151,19 +184,37 @@ private:
         if (!broker_.is_connected()) return;
         const std::uint64_t now_ns = monotonic_ns();
         const bool changed = std::exchange(alive_, follower_.is_alive()) != follower_.is_alive();
-        if (changed || state_ns_ == 0 || now_ns - state_ns_ >= kStateEachNs) {
-            state_ns_ = now_ns;
-            put(topics_.state(), state_text(follower_, counts_), true);
-        }
+        if (!changed && state_.sent_ns != 0 && now_ns - looked_ns_ < kLookEachNs) return publish_tool();
+        looked_ns_ = now_ns;
+        const std::uint32_t worst = follower_.is_alive() ? worst_quality(follower_.segment()) : std::uint32_t(TACTILED_BAD);
+        renew(state_, state_text(follower_, counts_, worst),
+              fmt::format("{} {} {}", follower_.is_alive(), worst, follower_.is_alive() ? follower_.node().fault : 0),
+              Keep::kState);
         if (!follower_.segment().is_open()) return;
         tactiled_grasp grasp = follower_.node().grasp;
         if (!follower_.is_alive()) tactiled_forget_grasp(&grasp);
-        if (now_ns - grasp_ns_ < 100'000'000) return;
-        grasp_ns_ = now_ns;
-        std::string text = grasp_text(grasp);
-        if (grasp_ == text) return;
-        grasp_ = std::move(text);
-        put(topics_.grasp(), grasp_, true);
+        const std::string of_grasp = grasp_text(grasp, worst), of_weight = weight_text(grasp, worst, names_);
+        renew(grasp_, of_grasp, without_times(of_grasp), Keep::kValue);
+        renew(weight_, of_weight, without_times(of_weight), Keep::kValue);
+        const bool has_grasp = grasp.t_ns != 0, has_tool = follower_.node().tool.quality != TACTILED_NO_VALUE;
+        if ((has_grasp && !has_grasp_) || (has_tool && !has_tool_)) {
+            has_grasp_ |= has_grasp;
+            has_tool_ |= has_tool;
+            greet();
+        }
+        publish_tool();
+    }
+
+    // The wrench on the gripper, at the rate of the sensors.
+    void publish_tool() {
+        if (!follower_.segment().is_open()) return;
+        tactiled_node node = follower_.node();
+        if (!follower_.is_alive()) tactiled_forget_tool(&node.tool);
+        const tactiled_tool& tool = node.tool;
+        if (tool.quality == TACTILED_NO_VALUE) return;
+        if (std::exchange(tool_t_ns_, tool.t_newest_ns) == tool.t_newest_ns && tool.quality == tool_quality_) return;
+        if (!tool_pace_.passes(node.t_ns, tool_quality_ = tool.quality)) return;
+        put(topics_.of_node("tool"), tool_text(tool, valid_until_ns(follower_.segment(), node)), Keep::kValue);
     }
 
     const Args& args_;
@@ -171,10 +222,12 @@ private:
     Follower follower_;
     Broker broker_;
     std::vector<Sensor> sensors_;
-    std::string grasp_;
-    std::uint64_t structure_ = 0, state_ns_ = 0, grasp_ns_ = 0;
-    std::uint32_t connections_ = 0;
-    bool alive_ = false;
+    std::vector<std::string> names_;  // all sensors of the node
+    Renewed state_, grasp_, weight_;
+    Pace tool_pace_;
+    std::uint64_t structure_ = 0, looked_ns_ = 0, tool_t_ns_ = 0;
+    std::uint32_t connections_ = 0, tool_quality_ = TACTILED_NO_VALUE;
+    bool alive_ = false, has_grasp_ = false, has_tool_ = false;
     Counts counts_;
     Report report_{"tactiled-mqtt"};
 };
@@ -193,14 +246,12 @@ int main(int argc, char** argv) {
     app.add_option("--broker", args.broker.host, "name or address of the broker").show_default();
     app.add_option("--port", args.broker.port, "default: 1883, with TLS 8883").integer_in(1, 65535);
     app.add_option("--prefix", args.prefix, "first level of every topic").show_default();
-    app.add_option("--deadband-N", args.deadband_N, "a force that moved by less is not sent; 0: each is")
+    app.add_option("--deadband-N", args.deadband_N,
+                   "a force that moved by less is sent twice a second only; 0: each is sent")
         .number_in(0, 1e6)
         .show_default();
     app.add_option("--deadband-Nm", args.deadband_Nm, "the same of torques").number_in(0, 1e6).show_default();
-    app.add_option("--refresh-s", args.refresh_s, "a value that does not move is sent again after this time")
-        .number_in(0.1, 3600)
-        .show_default();
-    app.add_option("--discovery", args.discovery, "announces the sensors below this topic, as Home Assistant finds them");
+    app.add_option("--discovery", args.discovery, "announces the values below this topic, as Home Assistant finds them");
     app.add_option("--user", args.broker.user, "name at the broker");
     app.add_option("--password-file", args.password_file, "file with the password");
     app.add_flag("--tls", args.broker.tls, "encrypts; the broker's certificate must be of an authority of /etc/ssl/certs");

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 #include <mosquitto.h>
+#include <mqtt_protocol.h>
 
 #include <chrono>
 #include <thread>
@@ -21,10 +22,13 @@ void require(int result, const char* what) {
 }  // namespace
 
 Broker::Broker(const BrokerOptions& options, const std::string& client_id, const std::string& will_topic,
-               const std::string& will_text) {
+               const std::string& will_text, std::uint32_t expiry_s)
+    : options_(options) {
     mosquitto_lib_init();
     client_ = mosquitto_new(client_id.c_str(), true, this);
     if (client_ == nullptr) throw SetupError("MQTT: the client could not be made");
+    require(mosquitto_int_option(client_, MOSQ_OPT_PROTOCOL_VERSION, MQTT_PROTOCOL_V5), "MQTT 5");
+    require(mosquitto_property_add_int32(&expiry_, MQTT_PROP_MESSAGE_EXPIRY_INTERVAL, expiry_s), "MQTT 5");
     require(mosquitto_will_set(client_, will_topic.c_str(), int(will_text.size()), will_text.data(), 1, true), "last will");
     if (!options.user.empty())
         require(mosquitto_username_pw_set(client_, options.user.c_str(),
@@ -37,13 +41,21 @@ Broker::Broker(const BrokerOptions& options, const std::string& client_id, const
                 "--tls");
     }
     mosquitto_reconnect_delay_set(client_, kFirstRetryS, kLastRetryS, true);
-    mosquitto_connect_callback_set(client_, [](mosquitto*, void* self, int code) {
-        auto& broker = *static_cast<Broker*>(self);
-        broker.set_state(code == 0 ? "connected" : fmt::format("refused: {}", mosquitto_connack_string(code)));
-        if (code != 0) return;
-        broker.waiting_.store(0, std::memory_order_relaxed);
-        broker.connections_.fetch_add(1, std::memory_order_release);
-        broker.connected_.store(true, std::memory_order_release);
+    set_callbacks();
+    begin();
+}
+
+Broker::~Broker() {
+    mosquitto_disconnect(client_);
+    mosquitto_loop_stop(client_, true);
+    mosquitto_destroy(client_);
+    mosquitto_property_free_all(&expiry_);
+    mosquitto_lib_cleanup();
+}
+
+void Broker::set_callbacks() {
+    mosquitto_connect_v5_callback_set(client_, [](mosquitto*, void* self, int code, int, const mosquitto_property*) {
+        static_cast<Broker*>(self)->on_connection(code);
     });
     mosquitto_disconnect_callback_set(client_, [](mosquitto*, void* self, int code) {
         auto& broker = *static_cast<Broker*>(self);
@@ -56,17 +68,41 @@ Broker::Broker(const BrokerOptions& options, const std::string& client_id, const
     mosquitto_publish_callback_set(client_, [](mosquitto*, void* self, int) {
         static_cast<Broker*>(self)->waiting_.fetch_sub(1, std::memory_order_relaxed);
     });
-    const int port = options.port != 0 ? options.port : options.tls ? 8883 : 1883;
-    const int result = mosquitto_connect_async(client_, options.host.c_str(), port, kKeepaliveS);
-    if (result == MOSQ_ERR_INVAL) throw SetupError(fmt::format("--broker {}: not a host", options.host));
+}
+
+void Broker::on_connection(int code) {
+    const bool version_5 = version_5_.load(std::memory_order_relaxed);
+    if (code == 0) {
+        set_state(version_5 ? "connected" : "connected by MQTT 3.1.1: no state is retained");
+        waiting_.store(0, std::memory_order_relaxed);
+        connections_.fetch_add(1, std::memory_order_release);
+        connected_.store(true, std::memory_order_release);
+        return;
+    }
+    // 1: the answer of a broker of 3.1.1, in its own form.
+    if (version_5 && (code == MQTT_RC_UNSUPPORTED_PROTOCOL_VERSION || code == CONNACK_REFUSED_PROTOCOL_VERSION)) {
+        set_state("refused: the broker does not speak MQTT 5");
+        refused_5_.store(true, std::memory_order_release);
+        return;
+    }
+    set_state(fmt::format("refused: {}", version_5 ? mosquitto_reason_string(code) : mosquitto_connack_string(code)));
+}
+
+void Broker::begin() {
+    const int port = options_.port != 0 ? options_.port : options_.tls ? 8883 : 1883;
+    const int result = mosquitto_connect_async(client_, options_.host.c_str(), port, kKeepaliveS);
+    if (result == MOSQ_ERR_INVAL) throw SetupError(fmt::format("--broker {}: not a host", options_.host));
     require(mosquitto_loop_start(client_), "MQTT");
 }
 
-Broker::~Broker() {
+bool Broker::fall_back() {
+    if (!refused_5_.exchange(false, std::memory_order_acquire)) return false;
     mosquitto_disconnect(client_);
-    mosquitto_loop_stop(client_, true);
-    mosquitto_destroy(client_);
-    mosquitto_lib_cleanup();
+    mosquitto_loop_stop(client_, false);
+    version_5_.store(false, std::memory_order_relaxed);
+    require(mosquitto_int_option(client_, MOSQ_OPT_PROTOCOL_VERSION, MQTT_PROTOCOL_V311), "MQTT 3.1.1");
+    begin();
+    return true;
 }
 
 void Broker::set_state(const std::string& text) {
@@ -79,17 +115,21 @@ std::string Broker::state() const {
     return state_;
 }
 
-bool Broker::publish(const std::string& topic, const std::string& text, bool retained) {
+bool Broker::publish(const std::string& topic, const std::string& text, Keep keep) {
     if (!is_connected() || waiting_.load(std::memory_order_relaxed) >= kMaxWaiting) return false;
+    const bool version_5 = version_5_.load(std::memory_order_relaxed);
+    const bool retained = keep == Keep::kForever || (keep == Keep::kState && version_5);
+    const mosquitto_property* const expiry = version_5 && keep != Keep::kForever ? expiry_ : nullptr;
     waiting_.fetch_add(1, std::memory_order_relaxed);
-    if (mosquitto_publish(client_, nullptr, topic.c_str(), int(text.size()), text.data(), 0, retained) == MOSQ_ERR_SUCCESS)
+    if (mosquitto_publish_v5(client_, nullptr, topic.c_str(), int(text.size()), text.data(), 0, retained, expiry) ==
+        MOSQ_ERR_SUCCESS)
         return true;
     waiting_.fetch_sub(1, std::memory_order_relaxed);
     return false;
 }
 
 void Broker::close(const std::string& topic, const std::string& text) {
-    publish(topic, text, true);
+    publish(topic, text, Keep::kForever);
     for (int i = 0; i < 100 && is_connected() && waiting_.load(std::memory_order_relaxed) > 0; ++i)
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
 }

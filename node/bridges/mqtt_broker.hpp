@@ -1,4 +1,5 @@
-// One connection to an MQTT broker, by libmosquitto, which has a thread for it. Connects again by itself.
+// One connection to an MQTT broker, by libmosquitto, which has a thread for it. Connects again by itself. It speaks MQTT 5,
+// and 3.1.1 with a broker that refuses 5.
 #pragma once
 #include <atomic>
 #include <cstdint>
@@ -6,6 +7,7 @@
 #include <string>
 
 struct mosquitto;
+struct mqtt5__property;
 
 namespace tactiled::bridges::mqtt {
 
@@ -15,11 +17,18 @@ struct BrokerOptions {
     bool tls = false;
 };
 
+// The time for which the broker keeps a message.
+enum class Keep {
+    kValue,   // for the subscribers of the moment; MQTT 5: a subscriber that is late gets it within `expiry_s`
+    kState,   // retained with MQTT 5, for `expiry_s`; 3.1.1 has no expiry, so there it is not retained
+    kForever  // retained: what never looks healthy, such as the end of the bridge and the names of topics
+};
+
 class Broker {
 public:
     // `will_topic` becomes `will_text`, retained, when this connection is lost. setup: throws SetupError
     Broker(const BrokerOptions& options, const std::string& client_id, const std::string& will_topic,
-           const std::string& will_text);
+           const std::string& will_text, std::uint32_t expiry_s);
     ~Broker();
     Broker(const Broker&) = delete;
     Broker& operator=(const Broker&) = delete;
@@ -29,8 +38,10 @@ public:
     [[nodiscard]] std::uint32_t connections() const { return connections_.load(std::memory_order_acquire); }
     // For a person.
     [[nodiscard]] std::string state() const;
+    // Changes to MQTT 3.1.1 where the broker has refused 5. Call it in each round. True: it has changed.
+    bool fall_back();
     // False: dropped, because there is no connection, or the broker takes nothing. Never blocks for the network.
-    bool publish(const std::string& topic, const std::string& text, bool retained);
+    bool publish(const std::string& topic, const std::string& text, Keep keep);
     // Messages that were handed over and lost with a connection, since the last call.
     std::uint64_t take_lost() { return lost_.exchange(0, std::memory_order_relaxed); }
     // Sends `text` as the last message of will_topic, and waits for at most a second.
@@ -38,10 +49,16 @@ public:
 
 private:
     void set_state(const std::string& text);
+    void set_callbacks();
+    void on_connection(int code);
+    void begin();
 
     // 2,000 messages of 0.4 kB: a broker that hangs must not fill the memory.
     static constexpr std::int64_t kMaxWaiting = 2000;
+    const BrokerOptions options_;
     mosquitto* client_ = nullptr;
+    mqtt5__property* expiry_ = nullptr;  // the property of each message that is not kept for ever
+    std::atomic<bool> version_5_{true}, refused_5_{false};
     std::atomic<bool> connected_{false};
     std::atomic<std::uint32_t> connections_{0};
     std::atomic<std::int64_t> waiting_{0};

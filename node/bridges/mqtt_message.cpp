@@ -2,15 +2,18 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
+#include "node/bridges/edge.hpp"
 #include "node/ctl/grasp_text.hpp"
+#include "node/ctl/status_text.hpp"
 
 namespace tactiled::bridges::mqtt {
 namespace {
 
 using nlohmann::json;
 
-constexpr int kSchema = 1;
+constexpr int kSchema = 2;
 
 std::string dump(const json& message) { return message.dump(-1, ' ', false, json::error_handler_t::replace); }
 
@@ -23,82 +26,107 @@ json numbers(const T (&values)[3]) {  // a NaN is written as null
 
 double component(const tactiled_sample& s, std::size_t i) { return i < 3 ? s.force_S_N[i] : s.torque_S_Nm[i - 3]; }
 
+// The fields that each message has. `until_s`: see the schema.
+json head(std::uint32_t quality, double t_s, double until_s) {
+    return {{"schema", kSchema},
+            {"t_s", microseconds(t_s)},
+            {"valid_until_s", microseconds(until_s)},
+            {"quality", edge_of(quality).word}};
+}
+
+json head_now(std::uint32_t quality) {
+    const double now_s = wall_s(monotonic_ns());
+    return head(quality, now_s, now_s + kExpiryS);
+}
+
+// Words with blanks between them, as a list.
+json list_of(const std::string& words) {
+    json list = json::array();
+    std::istringstream in(words);
+    for (std::string word; in >> word;) list.push_back(word);
+    return list;
+}
+
 }  // namespace
 
-std::string wrench_text(const Batch& batch) {
+std::string wrench_text(const Batch& batch, std::uint64_t until_ns) {
     const tactiled_sample& s = batch.newest;
-    return dump({{"schema", kSchema},
-                 {"t_s", microseconds(wall_s(s.t_ns))},
-                 {"sequence", s.sequence},
-                 {"quality", quality_word(s.quality)},
-                 {"reasons", reason_words(s.reasons)},
-                 {"force_N", numbers(s.force_S_N)},
-                 {"torque_Nm", numbers(s.torque_S_Nm)},
-                 {"sd_force_N", numbers(s.sd_force_N)},
-                 {"sd_torque_Nm", numbers(s.sd_torque_Nm)},
-                 {"samples", batch.samples},
-                 {"bad", batch.bad}});
+    json message = head(s.quality, wall_s(s.t_ns), wall_s(until_ns));
+    message.update({{"sequence", s.sequence},
+                    {"reasons", reason_words(s.reasons)},
+                    {"force_N", numbers(s.force_S_N)},
+                    {"torque_Nm", numbers(s.torque_S_Nm)},
+                    {"sd_force_N", numbers(s.sd_force_N)},
+                    {"sd_torque_Nm", numbers(s.sd_torque_Nm)},
+                    {"samples", batch.samples},
+                    {"bad", batch.bad}});
+    return dump(message);
+}
+
+std::string tool_text(const tactiled_tool& t, std::uint64_t until_ns) {
+    json message = head(t.quality, wall_s(t.t_ns), wall_s(until_ns));
+    message.update({{"reasons", list_of(ctl::tool_why_text(t.why))},
+                    {"force_N", numbers(t.force_G_N)},
+                    {"torque_Nm", numbers(t.torque_G_Nm)},
+                    {"sd_force_N", numbers(t.sd_force_N)},
+                    {"sd_torque_Nm", numbers(t.sd_torque_Nm)}});
+    return dump(message);
 }
 
 std::string quality_text(const tactiled_sample& s) {
-    return dump({{"schema", kSchema},
-                 {"t_s", microseconds(wall_s(monotonic_ns()))},
-                 {"quality", quality_word(s.quality)},
-                 {"reasons", reason_words(s.reasons)}});
+    json message = head_now(s.quality);
+    message["reasons"] = reason_words(s.reasons);
+    return dump(message);
 }
 
-std::string grasp_text(const tactiled_grasp& g) {
-    return dump({{"schema", kSchema},
-                 {"state", ctl::grip_state_text(g.state)},
-                 {"weight_state", ctl::weight_state_text(g.weight_state)},
-                 {"weight_kg", g.weight_kg},
-                 {"sd_weight_kg", g.weight_sd_kg},
-                 {"object", g.object},
-                 {"grasps", g.grasps},
-                 {"slips", g.slips}});
+std::string grasp_text(const tactiled_grasp& g, std::uint32_t worst) {
+    json message = head_now(grasp_quality(g, worst));
+    message.update(
+        {{"state", ctl::grip_state_text(g.state)}, {"object", g.object}, {"grasps", g.grasps}, {"slips", g.slips}});
+    return dump(message);
 }
 
-std::string state_text(const Follower& follower, const Counts& counts) {
+std::string weight_text(const tactiled_grasp& g, std::uint32_t worst, const std::vector<std::string>& sensors) {
+    json jaws = json::array();
+    for (std::size_t i = 0; i < sensors.size(); ++i)
+        if ((g.doubtful >> i & 1u) != 0) jaws.push_back(sensors[i]);
+    json message = head_now(weight_quality(g, worst));
+    message.update({{"state", ctl::weight_state_text(g.weight_state)},
+                    {"weight_kg", g.weight_kg},
+                    {"sd_weight_kg", g.weight_sd_kg},
+                    {"doubts", list_of(ctl::doubts_text(g.weight_doubts))},
+                    {"doubtful", jaws}});
+    return dump(message);
+}
+
+std::string state_text(const Follower& follower, const Counts& counts, std::uint32_t worst) {
     json sensors = json::array();
     for (std::uint32_t i = 0; i < follower.n_sensors(); ++i) sensors.push_back(follower.segment().sensor(i).name);
-    return dump({{"schema", kSchema},
-                 {"online", true},
-                 {"daemon", follower.is_alive()},
-                 {"why", follower.why()},
-                 {"sensors", sensors},
-                 {"fault", follower.is_alive() ? json(follower.node().fault) : json()},
-                 {"sent", counts.sent},
-                 {"dropped", counts.dropped},
-                 {"missed", follower.missed()}});
+    json message = head_now(follower.is_alive() ? worst : std::uint32_t(TACTILED_BAD));
+    message.update({{"online", true},
+                    {"daemon", follower.is_alive()},
+                    {"why", follower.why()},
+                    {"sensors", sensors},
+                    {"fault", follower.is_alive() ? json(follower.node().fault) : json()},
+                    {"sent", counts.sent},
+                    {"dropped", counts.dropped},
+                    {"missed", follower.missed()}});
+    return dump(message);
 }
 
-std::string last_will_text() { return dump({{"schema", kSchema}, {"online", false}, {"daemon", false}}); }
+std::string last_will_text() {
+    return dump({{"schema", kSchema}, {"quality", edge_of(TACTILED_BAD).word}, {"online", false}, {"daemon", false}});
+}
 
-std::vector<std::pair<std::string, std::string>> discovery(const std::string& root, const Topics& topics,
-                                                           const tactiled_sensor& sensor) {
-    static constexpr const char* kAxes[] = {"Fx", "Fy", "Fz", "Mx", "My", "Mz"};
-    std::vector<std::pair<std::string, std::string>> messages;
-    const std::string id = "tactiled_" + topic_word(topics.node) + "_" + topic_word(sensor.name);
-    for (unsigned i = 0; i < 6; ++i) {
-        if ((sensor.components >> i & 1u) == 0) continue;
-        const std::string values = i < 3 ? "force_N" : "torque_Nm";
-        json message{{"name", std::string(sensor.name) + " " + kAxes[i]},
-                     {"unique_id", id + "_" + kAxes[i]},
-                     {"state_topic", topics.of(sensor.name, "wrench")},
-                     {"value_template", "{{ value_json." + values + "[" + std::to_string(i % 3) + "] }}"},
-                     {"unit_of_measurement", i < 3 ? "N" : "N\u22C5m"},
-                     {"state_class", "measurement"},
-                     {"expire_after", 60},
-                     {"availability_topic", topics.state()},
-                     {"availability_template", "{{ 'online' if value_json.online and value_json.daemon else 'offline' }}"},
-                     {"device", {{"identifiers", {"tactiled_" + topic_word(topics.node)}}, {"name", topics.node}}}};
-        messages.emplace_back(root + "/sensor/" + id + "/" + kAxes[i] + "/config", dump(message));
-    }
-    return messages;
+std::string without_times(const std::string& text) {
+    json message = json::parse(text);
+    message.erase("t_s");
+    message.erase("valid_until_s");
+    return dump(message);
 }
 
 bool Deadband::passes(const tactiled_sample& sample, std::uint64_t now_ns) {
-    bool moved = sample.quality != quality_ || now_ns - last_ns_ >= refresh_ns_;
+    bool moved = sample.quality != quality_ || now_ns - last_ns_ >= kRenewNs;
     for (std::size_t i = 0; i < 6; ++i) {
         const double by = std::fabs(component(sample, i) - last_[i]);  // NaN: both are, or the quality has changed
         moved |= by >= (i < 3 ? force_N_ : torque_Nm_) || std::isnan(component(sample, i)) != std::isnan(last_[i]);

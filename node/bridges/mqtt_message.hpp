@@ -10,10 +10,16 @@
 
 namespace tactiled::bridges::mqtt {
 
+// Each message is renewed before it expires, so that silence means an end. 2 s: the smallest expiry that a broker which
+// counts whole seconds keeps for at least one. A quarter of it: two messages may be late, and the broker has one all the
+// time.
+inline constexpr std::uint32_t kExpiryS = 2;
+inline constexpr std::uint64_t kRenewNs = kExpiryS * 1'000'000'000ull / 4;
+
 struct Topics {
     std::string prefix = "tactiled", node;
-    [[nodiscard]] std::string state() const { return prefix + "/" + node + "/state"; }
-    [[nodiscard]] std::string grasp() const { return prefix + "/" + node + "/grasp"; }
+    [[nodiscard]] std::string of_node(const char* what) const { return prefix + "/" + node + "/" + what; }
+    [[nodiscard]] std::string state() const { return of_node("state"); }
     [[nodiscard]] std::string of(const std::string& sensor, const char* what) const {
         return prefix + "/" + node + "/" + sensor + "/" + what;
     }
@@ -25,26 +31,29 @@ struct Batch {
     std::uint32_t samples = 0, bad = 0;
 };
 
-std::string wrench_text(const Batch& batch);
+// Texts with a time until which the value is valid as a reader of the segment judges it.
+std::string wrench_text(const Batch& batch, std::uint64_t until_ns);
+std::string tool_text(const tactiled_tool& tool, std::uint64_t until_ns);
+// Texts that are true now and valid for kExpiryS. `worst`: quality of the worst sensor.
 std::string quality_text(const tactiled_sample& sample);
-std::string grasp_text(const tactiled_grasp& grasp);
-std::string state_text(const Follower& follower, const Counts& counts);
+std::string grasp_text(const tactiled_grasp& grasp, std::uint32_t worst);
+// `sensors`: the names of the node's sensors, of which the text names those that are in doubt.
+std::string weight_text(const tactiled_grasp& grasp, std::uint32_t worst, const std::vector<std::string>& sensors);
+std::string state_text(const Follower& follower, const Counts& counts, std::uint32_t worst);
 std::string last_will_text();
-// Messages by which Home Assistant finds the components of a sensor: topic and text.
-std::vector<std::pair<std::string, std::string>> discovery(const std::string& root, const Topics& topics,
-                                                           const tactiled_sensor& sensor);
+// The text without its times: another one is a change.
+std::string without_times(const std::string& text);
 
 // Says which samples differ from the last one that it said so of.
 class Deadband {
 public:
-    Deadband(double force_N, double torque_Nm, double refresh_s)
-        : force_N_(force_N), torque_Nm_(torque_Nm), refresh_ns_(std::uint64_t(refresh_s * 1e9)) {}
-    // `now_ns`: CLOCK_MONOTONIC. True for another quality, a component that moved by the deadband, and after refresh_s.
+    Deadband(double force_N, double torque_Nm) : force_N_(force_N), torque_Nm_(torque_Nm) {}
+    // `now_ns`: CLOCK_MONOTONIC. True for another quality, a component that moved by the deadband, and after kRenewNs.
     bool passes(const tactiled_sample& sample, std::uint64_t now_ns);
 
 private:
     double force_N_, torque_Nm_;
-    std::uint64_t refresh_ns_, last_ns_ = 0;
+    std::uint64_t last_ns_ = 0;
     std::uint32_t quality_ = ~0u;
     std::array<double, 6> last_{};
 };

@@ -7,7 +7,6 @@ namespace tactiled::bridges::rdt {
 namespace {
 
 constexpr std::uint32_t kHeader = 0x1234;
-constexpr std::uint32_t kError = 1u << 31, kSaturated = 1u << 17;
 
 std::uint32_t big_endian(std::span<const std::uint8_t> bytes) {
     std::uint32_t value = 0;
@@ -35,10 +34,6 @@ std::optional<Wrench> values_of(const tactiled_sample& sample, std::uint32_t zer
         if (!std::isfinite(values[i])) return std::nullopt;
     }
     return values;
-}
-
-std::uint32_t status_of(const tactiled_sample& sample) {
-    return (sample.reasons & TACTILED_SATURATED) != 0 ? kError | kSaturated : 0;
 }
 
 std::optional<Record> encode(std::uint32_t rdt_sequence, std::uint32_t ft_sequence, std::uint32_t status,

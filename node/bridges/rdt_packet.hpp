@@ -35,9 +35,7 @@ using Record = std::array<std::uint8_t, kRecordSize>;
 // The values that a record may carry, or nullopt where there is none: RDT has no NaN. `zero`: bit 0..5, components that the
 // sensor cannot see and that are sent as 0.
 std::optional<Wrench> values_of(const tactiled_sample& sample, std::uint32_t zero);
-// Bits of the status word: 0, or an error bit with "saturated".
-std::uint32_t status_of(const tactiled_sample& sample);
-// nullopt where a value does not fit into 32 bits of counts.
+// `status`: edge.hpp. nullopt where a value does not fit into 32 bits of counts.
 std::optional<Record> encode(std::uint32_t rdt_sequence, std::uint32_t ft_sequence, std::uint32_t status,
                              const Wrench& values, const Scale& scale);
 

@@ -58,7 +58,9 @@ std::string meaning_of(const Area& area, const Register& r, const char* separato
 std::string range_of(const Register& r) {
     if (!r.is_writable() || (r.limits.min == 0 && r.limits.max == 65535)) return "";
     return fmt::format("{} .. {}{}", r.limits.min, r.limits.max,
-                       r.limits.locked ? ", or 65535 for the configured value" : "");
+                       r.limits.locked        ? ", or 65535 for the configured value"
+                       : r.limits.may_be_none ? ", or 65535"
+                                              : "");
 }
 
 constexpr const char* kRules[] = {
@@ -78,7 +80,8 @@ constexpr const char* kRules[] = {
     "read within the head or a page returns exception 4 without a snapshot, 5 s after the latch, and once the sensor "
     "has no value; 2 for a page that the array lacks, or across two heads or pages.",
     "Any unit identifier is answered over TCP and repeated. RTU: the configured address; 0 writes without an answer.",
-    "Writing needs commands = true in [modbus], and only 5000 .. and the coils can be written (FC 5, 6, 15, 16, 22, 23). "
+    "Writing needs commands = true in [modbus], and only 5000 .. 5314 and the coils can be written (FC 5, 6, 15, 16, 22, "
+    "23). "
     "Exceptions: "
     "2 read-only, locked or not allowed; 3 a value out of range, or a mask that names no sensor; 4 not possible now; 6 a "
     "tare or a SAVE "

@@ -54,6 +54,7 @@ const char* Connection::answer_all(const Answer& answer, std::uint64_t now_ns) {
         if (answer(rest.first(size)) == 0) return "takes no answers";
         used += size;
         asked_ns_ = now_ns;
+        has_asked_ = true;
     }
     std::memmove(in_.data(), in_.data() + used, received_ - used);
     received_ -= used;

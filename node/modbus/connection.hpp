@@ -52,6 +52,7 @@ public:
     modbus::Session session;
     // Returns the time of the last complete request; before the first one, that of the connection.
     [[nodiscard]] std::uint64_t asked_ns() const noexcept { return asked_ns_; }
+    [[nodiscard]] bool has_asked() const noexcept { return has_asked_; }
 
 private:
     static constexpr int kMaxAtOnce = 16;  // limit of one call, in favour of the other clients
@@ -68,6 +69,7 @@ private:
     bool peer_finished_ = false;  // the client has shut down its direction
     std::uint64_t heard_ns_;      // time of the last byte
     std::uint64_t asked_ns_;
+    bool has_asked_ = false;
     std::uint64_t request_began_ns_ = 0;  // 0: no request is incomplete
     std::uint64_t stuck_since_ns_ = 0;    // a request waits for room in the socket; 0: none does
     // Each answer costs this much time; a client may be kBurst answers ahead of its account.

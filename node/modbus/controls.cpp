@@ -18,12 +18,13 @@ Controls::Controls(const ModbusSettings& settings, CommandRing& commands)
       path_(settings.settings),
       commands_(commands),
       teaching_(settings.objects) {
+    words_[kPlcWatchdog] = std::uint16_t(settings.hints_expire_ms);
     if (enabled_) load();
 }
 
 void Controls::tick(std::uint64_t now_ns) noexcept {
     if (settings_unsent_) send_settings();
-    if (plc_is_silent(now_ns)) robot_.forget();
+    if (plc_is_silent(now_ns) && robot_.forget()) words_.forget_hints();
     robot_.send(commands_);
     hand_over_objects(now_ns);
 }

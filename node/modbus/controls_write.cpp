@@ -83,8 +83,8 @@ Exception Controls::check_register(unsigned at, std::uint16_t value, const View&
     if (at >= kScratchAt) return kNone;
     const Limits& limits = writable_at(at)->limits;
     if (limits.locked && now_ns > session.unlocked_until_ns) return kIllegalAddress;
-    const bool as_configured = limits.locked && value == kAsConfigured;
-    if ((value < limits.min || value > limits.max) && !as_configured) return kIllegalValue;
+    const bool is_special = (limits.locked && value == kAsConfigured) || (limits.may_be_none && value == kNoU16);
+    if ((value < limits.min || value > limits.max) && !is_special) return kIllegalValue;
     if (at == kPlcWatchdog && value != 0 && value < 10) return kIllegalValue;
     if (at == kUnlock && value != kUnlockWord && value != 0) return kIllegalValue;
     if (is_command_cell(at) && value != 0) return check_command_cell(at, value, view);
@@ -97,8 +97,23 @@ Exception Controls::check_register(unsigned at, std::uint16_t value, const View&
 
 // ---- effects ---------------------------------------------------------------------------------------------------------
 
+// A PLC is alive if its heartbeat changes, or if it writes a hint. A write that repeats the heartbeat comes from a gateway
+// or a scanner whose program stands still: only the first one counts, so that its hints expire later.
+bool Controls::is_sign_of_life(const Request& request, const Session& session) const noexcept {
+    bool beats = false, repeats = false, hints = false;
+    for (unsigned i = 0; i < request.write.count; ++i) {
+        const unsigned at = written_at(request, i);
+        const bool changes = requested(request, i, session) != words_[at];
+        beats |= (at == kPlcHeartbeat || at == kPlcWatchdog) && changes;
+        repeats |= at == kPlcHeartbeat && !changes;
+        hints |= Robot::is_hint(at);
+    }
+    return beats || (hints && (!repeats || life_ns_ == 0));
+}
+
 void Controls::write(const Request& request, const View& view, Session& session, std::uint64_t now_ns) noexcept {
     if (writes_coils(request)) return write_coils(request, session, now_ns);
+    if (is_sign_of_life(request, session)) life_ns_ = now_ns;
     for (unsigned i = 0; i < request.write.count; ++i)
         write_register(written_at(request, i), requested(request, i, session), view, session, now_ns);
     const unsigned end = request.write.at + request.write.count;
@@ -120,10 +135,8 @@ void Controls::write_register(unsigned at, std::uint16_t value, const View& view
         unlocked_until_ns_ = std::max(unlocked_until_ns_, session.unlocked_until_ns);
     } else if (at == kSave) {
         save();
-    } else {
+    } else if (!Robot::is_hint(at) || !plc_is_silent(now_ns)) {
         const bool changed = std::exchange(words_[at], value) != value;
-        // A block that is written repeatedly does not count as a heartbeat.
-        if (changed && (at == kPlcHeartbeat || at == kPlcWatchdog)) heartbeat_ns_ = now_ns;
         robot_.note(at, changed, words_, now_ns);
     }
 }
@@ -168,7 +181,7 @@ void Controls::read_coils(const View& view, std::span<std::uint8_t, kCoils> out)
 
 bool Controls::plc_is_silent(std::uint64_t now_ns) const noexcept {
     const std::uint16_t watchdog_ms = words_[kPlcWatchdog];
-    return watchdog_ms != 0 && now_ns > heartbeat_ns_ + std::uint64_t(watchdog_ms) * 1'000'000u;
+    return watchdog_ms != 0 && life_ns_ != 0 && now_ns > life_ns_ + std::uint64_t(watchdog_ms) * 1'000'000u;
 }
 
 ClientReport Controls::report(const Session& session, std::uint64_t now_ns) const noexcept {

@@ -20,7 +20,7 @@ constexpr Name kStatusBits[] = {{0, "ready", "READY"},
                                 {9, "simulated or replayed data", "SIMULATED"},
                                 {10, "stale", "STALE"},
                                 {11, "uncalibrated", "UNCALIBRATED"},
-                                {12, "the PLC's watchdog has expired: PLC_HEARTBEAT does not change", "PLC_EXPIRED"},
+                                {12, "the PLC is silent: no new PLC_HEARTBEAT and no hint for PLC_WATCHDOG", "PLC_EXPIRED"},
                                 {13, "settings are unlocked", "UNLOCKED"},
                                 {14, "warning: see WARN", "WARNING"},
                                 {15, "fault: see FAULT", "FAULT"}};
@@ -32,13 +32,15 @@ constexpr Name kFaultBits[] = {{0, "sensor lost", "SENSOR_LOST"},
                                {6, "storage", "STORAGE"},
                                {7, "bus error", "BUS"},
                                {8, "internal", "INTERNAL"}};
-constexpr Name kWarnBits[] = {{1, "drift: the zero of a sensor at rest has moved", "DRIFT"},
-                              {2, "lost samples", "LOST_SAMPLES"},
-                              {4, "the last tare was refused or failed: the previous zero is in force", "TARE"},
-                              {5, "a sensor's method auto has stepped down or misses its budget", "BUDGET"},
-                              {6, "a sensor's rate is not the declared one", "RATE"},
-                              {7, "the last reload was refused: the previous configuration is in force", "RELOAD"},
-                              {8, "the jaws contradict the weight: see WEIGHT_WHY", "JAWS"}};
+constexpr Name kWarnBits[] = {
+    {1, "drift: the zero of a sensor at rest has moved", "DRIFT"},
+    {2, "lost samples", "LOST_SAMPLES"},
+    {4, "the last tare was refused or failed: the previous zero is in force", "TARE"},
+    {5, "a sensor's method auto has stepped down or misses its budget", "BUDGET"},
+    {6, "a sensor's rate is not the declared one", "RATE"},
+    {7, "the last reload was refused: the previous configuration is in force", "RELOAD"},
+    {8, "the jaws contradict the weight: see WEIGHT_WHY", "JAWS"},
+    {9, "the PLC's hints have expired: gravity, acceleration and gripper state are not known", "HINTS"}};
 constexpr Name kDoubtBits[] = {
     {0, "the presses do not balance: a wrong gain, or a tilt or an acceleration that is not reported", "BALANCE"},
     {1, "the jaws do not share the load as they should: a wrong gain or direction", "SHARES"},

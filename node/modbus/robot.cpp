@@ -35,18 +35,19 @@ bool Robot::is_gravity(const Words& words) noexcept {
     return std::isnan(squares) || (squares >= kMinG_m_s2 * kMinG_m_s2 && squares <= kMaxG_m_s2 * kMaxG_m_s2);
 }
 
-void Robot::forget() noexcept {
-    if (!reported_) return;
-    hint_.command.gripper = grasp::Hint::none;
-    hint_.unsent = hint_.command.kind == Command::Kind::hint;  // else it was never written
-    down_.command.robot_G_m_s2 = {kNaN, kNaN, kNaN};
-    down_.unsent = down_.command.kind == Command::Kind::gravity;
-    motion_.unsent = reported_ = false;
+bool Robot::forget() noexcept {
+    if (!reported_) return false;
+    for (Latest* const latest : {&hint_, &down_, &motion_}) latest->unsent = false;
+    renew(silence_, Command::Kind::robot_is_silent);
+    reported_ = false;
+    return true;
 }
 
 void Robot::send(CommandRing& commands) noexcept {
-    for (Latest* const latest : {&hint_, &down_, &motion_})
-        if (latest->unsent) latest->unsent = !commands.send(latest->command);
+    for (Latest* const latest : {&silence_, &hint_, &down_, &motion_}) {
+        if (latest->unsent && !commands.send(latest->command)) return;
+        latest->unsent = false;
+    }
 }
 
 }  // namespace tactiled::modbus

@@ -16,9 +16,14 @@ public:
     // Returns true if the words are the gravity on Earth, or not available: a wrong scale would give no weight.
     static bool is_gravity(const Words& words) noexcept;
 
-    // Forgets the data because the PLC is silent, so that they may be outdated. The registers keep the written
-    // values.
-    void forget() noexcept;
+    // Returns true for the registers of these data.
+    static constexpr bool is_hint(unsigned at) noexcept {
+        return at == kGripperState || at == kGripperForce || (at >= kGravityX && at <= kAccelCount);
+    }
+    // Forgets the data because the PLC is silent, so that they may be outdated. Returns false if there were none.
+    bool forget() noexcept;
+    // True if data were written since the last forget().
+    [[nodiscard]] bool has_reported() const noexcept { return reported_; }
     // Sends new data to the pipeline, as far as there is room.
     void send(CommandRing& commands) noexcept;
 
@@ -30,8 +35,8 @@ private:
     };
     Command& renew(Latest& latest, Command::Kind kind) noexcept;
 
-    Latest hint_, down_, motion_;
-    bool reported_ = false;  // data were written since the last forget()
+    Latest silence_, hint_, down_, motion_;  // in this order: newer data end the silence
+    bool reported_ = false;
 };
 
 }  // namespace tactiled::modbus

@@ -9,6 +9,7 @@ constexpr Limits kAny{0, 65535};
 
 // Values of a register, and of a setting, which needs UNLOCK.
 constexpr Limits range(std::uint16_t min, std::uint16_t max) { return {min, max, false}; }
+constexpr Limits range_or_none(std::uint16_t min, std::uint16_t max) { return {min, max, false, true}; }
 constexpr Limits locked(std::uint16_t min, std::uint16_t max) { return {min, max, true}; }
 
 using enum Type;
@@ -45,11 +46,16 @@ constexpr Register kControls[] = {
      "of WEIGHT until the daemon ends, [grasp] is reloaded, or `tactilectl weigh forget`; 0 does nothing. With a scale, "
      "only the objects that were taught with one are recognised, and without it only the others; reads 0",
      kKept, range(0, 65534)},
-    {kPlcHeartbeat, "PLC_HEARTBEAT", count, kNoUnit, "any changing value", kKept, kAny},
+    {kPlcHeartbeat, "PLC_HEARTBEAT", count, kNoUnit,
+     "any changing value. A write that contains it unchanged is no sign of life, and its hints expire", kKept, kAny},
     {kPlcWatchdog, "PLC_WATCHDOG", u16, kMilliseconds,
-     "0 = off, else 10 .. 60000: STATUS bit 12 when PLC_HEARTBEAT does not change for longer", kKept, range(0, 60000)},
+     "0 = off, else 10 .. 60000; hints_expire_ms of [modbus] after a start. Without a new PLC_HEARTBEAT and without a write "
+     "of a hint (5022, 5023, 5040 .. 5046) for longer, STATUS bit 12 is set, and all hints are not known (WARN bit 9) until "
+     "they are written again",
+     kKept, range(0, 60000)},
     {kGripperState, "GRIPPER_STATE", enumeration, kNoUnit,
-     "a hint for the grasp estimate, from the first write on until PLC_WATCHDOG expires", kKept, range(0, 5)},
+     "a hint for the grasp estimate, from the first write on until PLC_WATCHDOG expires; 65535 = no hint", kKept,
+     range_or_none(0, 5)},
     {kGripperForce, "GRIPPER_FORCE", u16, kForce, "commanded force, a hint: kept, without effect yet", kKept, kAny},
     {kFilterHz, "FILTER_HZ", u16, kHertz, "low pass on force and torque, 0 = off", kKept, locked(0, 1000)},
     {kContactOn, "CONTACT_ON", u16, kForce,
@@ -86,6 +92,12 @@ std::span<const Register> control_rows() { return kControls; }
 Words::Words() noexcept {
     for (const Register& r : kControls)
         (*this)[r.at] = r.limits.locked ? kAsConfigured : r.type == i16 ? kNoI16 : std::uint16_t(0);
+    forget_hints();
+}
+
+void Words::forget_hints() noexcept {
+    (*this)[kGripperState] = (*this)[kGripperForce] = kNoU16;
+    for (unsigned axis = 0; axis < 3; ++axis) (*this)[kGravityX + axis] = (*this)[kAccelX + axis] = kNoI16;
 }
 
 }  // namespace tactiled::modbus

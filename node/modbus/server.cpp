@@ -27,8 +27,8 @@ constexpr std::uint64_t kAnyTime = ~std::uint64_t(0);
 // up.
 constexpr std::uint64_t kAwayNs = 1'000'000'000, kDrainNs = 200'000'000;
 constexpr std::uint64_t kRetryNs = 1'000'000'000;  // for the port, and after running out of descriptors
-// A client keeps its place for this time after a complete request, or after it has connected. PLCs poll every 2 s or
-// faster.
+// A client keeps its place for this time after a complete request, against newcomers of hosts that hold as many places.
+// PLCs poll every 2 s or faster.
 constexpr std::uint64_t kKeepsPlaceNs = 5'000'000'000;
 constexpr int kBacklog = 128;            // a client for which the kernel has no room tries again after a second
 constexpr std::size_t kPlacesOfPlc = 4;  // connections of each listed address
@@ -230,22 +230,35 @@ void ModbusServer::admit(int fd, const sockaddr_storage& peer, bool plc, std::ui
     ++counts_.accepted;
 }
 
-// The client without a complete request for the longest time is removed, if that time is long enough. A listed PLC
-// has reserved places, for which its own oldest connection is removed at once, because a PLC that was switched off
+// Returns how many places of the same kind a host holds: reserved ones of listed PLCs, or others.
+std::size_t ModbusServer::places_of(const sockaddr_storage& host, bool plc) const {
+    return std::size_t(std::count_if(clients_.begin(), clients_.end(), [&](const auto& entry) {
+        return entry.second->plc == plc && modbus::same_host(entry.second->peer, host);
+    }));
+}
+
+// Closes the client without a complete request for the longest time, of those that may lose their place: first one that
+// has never sent a request, then one of a host that holds two places more than the newcomer's, then one that is idle. Idle
+// clients, and many of one host, therefore keep no other host out, and the only client of a host keeps its place while it
+// polls. A listed PLC has reserved places, of which it loses its own oldest at once, because a PLC that was switched off
 // leaves connections behind.
 bool ModbusServer::make_room(const sockaddr_storage& peer, bool plc, std::uint64_t now_ns) {
-    const auto competes = [&](const Client& c) { return plc ? c.plc && modbus::same_host(c.peer, peer) : !c.plc; };
-    std::size_t n = 0;
-    int oldest = -1;
-    for (const auto& [fd, client] : clients_) {
-        if (!competes(*client)) continue;
-        ++n;
-        if (oldest < 0 || client->asked_ns() < clients_[oldest]->asked_ns()) oldest = fd;
-    }
-    if (n < (plc ? kPlacesOfPlc : std::size_t(settings_.max_clients))) return true;
-    if (!plc && now_ns - clients_[oldest]->asked_ns() < kKeepsPlaceNs) return false;
-    close(oldest);
-    return true;
+    const std::size_t held = places_of(peer, plc);
+    const auto of_kind = [&](const auto& entry) { return entry.second->plc == plc; };
+    const auto taken = plc ? held : std::size_t(std::count_if(clients_.begin(), clients_.end(), of_kind));
+    if (taken < (plc ? kPlacesOfPlc : std::size_t(settings_.max_clients))) return true;
+    const auto close_oldest = [&](auto&& may_lose) {
+        int oldest = -1;
+        for (const auto& [fd, client] : clients_)
+            if (client->plc == plc && may_lose(*client) && (oldest < 0 || client->asked_ns() < clients_[oldest]->asked_ns()))
+                oldest = fd;
+        if (oldest >= 0) close(oldest);
+        return oldest >= 0;
+    };
+    if (plc) return close_oldest([&](const Client& c) { return modbus::same_host(c.peer, peer); });
+    return close_oldest([](const Client& c) { return !c.has_asked(); }) ||
+           close_oldest([&](const Client& c) { return places_of(c.peer, false) >= held + 2; }) ||
+           close_oldest([&](const Client& c) { return now_ns - c.asked_ns() >= kKeepsPlaceNs; });
 }
 
 // ---- the clients -----------------------------------------------------------------------------------------------------

@@ -54,6 +54,7 @@ private:
     void try_to_listen(std::uint64_t now_ns);
     void accept_all(std::uint64_t now_ns);
     void admit(int fd, const sockaddr_storage& peer, bool plc, std::uint64_t now_ns);
+    [[nodiscard]] std::size_t places_of(const sockaddr_storage& host, bool plc) const;
     bool make_room(const sockaddr_storage& peer, bool plc, std::uint64_t now_ns);
     void serve_client(int fd, std::uint32_t events, std::uint64_t now_ns);
     void close_overdue(std::uint64_t now_ns);

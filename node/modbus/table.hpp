@@ -100,7 +100,8 @@ struct Value {
 // Values that may be written into a register; `max` < `min`: none.
 struct Limits {
     std::uint16_t min = 1, max = 0;
-    bool locked = false;  // needs UNLOCK; kAsConfigured is allowed, too
+    bool locked = false;       // needs UNLOCK; kAsConfigured is allowed, too
+    bool may_be_none = false;  // kNoU16 is allowed, too
 };
 
 struct Register {

@@ -1,18 +1,22 @@
 #!/usr/bin/env python3
-"""tactiled-dds before eProsima's Fast DDS: the values of the segment on a topic of ROS 2, nothing while there is none, and the
-reason on /diagnostics."""
+"""tactiled-dds before eProsima's Fast DDS, with the QoS of an ordinary subscription of ROS 2: the values of the segment on a topic of ROS 2,
+nothing while they are not GOOD, and the reason on /diagnostics."""
+import os
 import pathlib
 import shutil
+import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from bridge_process import bridge  # noqa: E402
-from daemon import BIN, ROOT, wait_for, wait_until_it_rests  # noqa: E402
-from unit_daemon import play, quality_is, unit_daemon  # noqa: E402
+from daemon import BIN, ROOT, halt, wait_for, wait_until_it_rests  # noqa: E402
+import ros_types  # noqa: E402
+from unit_daemon import CALIBRATION, play, quality_is, unit_daemon  # noqa: E402
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(ROOT / "node/python"))
@@ -24,8 +28,9 @@ DOMAIN = "77"
 class Reader:
     """Lines of fastdds_reader, split: receive and send time in ns, frame, the rest."""
 
-    def __init__(self, topic, domain=DOMAIN):
-        self.process = subprocess.Popen([BIN / "fastdds_reader", domain, "120", topic], stdout=subprocess.PIPE, text=True)
+    def __init__(self, *topics, domain=DOMAIN, option=("--writers",)):
+        self.errors = tempfile.TemporaryFile("w+")
+        self.process = subprocess.Popen([BIN / "fastdds_reader", domain, "120", *option, *topics], stdout=subprocess.PIPE, stderr=self.errors, text=True)
         self.lines = []
         threading.Thread(target=self.read, daemon=True).start()
 
@@ -36,10 +41,16 @@ class Reader:
     def wrench(self):
         return [float(word) for word in self.lines[-1][3].split()]
 
+    def writers(self):
+        """Topic: reliability and user data of its writer."""
+        text = os.pread(self.errors.fileno(), 1 << 16, 0).decode()
+        return {line.split(" ", 3)[1]: line.split(" ", 3)[2:] for line in text.splitlines() if line.startswith("writer ")}
+
     def close(self):
         self.process.kill()
         self.process.wait()
         self.process.stdout.close()
+        self.errors.close()
 
 
 @unittest.skipUnless((BIN / "tactiled-dds").exists(), "tactiled-dds is not built: cyclonedds-dev was missing")
@@ -56,25 +67,79 @@ class Dds(unittest.TestCase):
         self.addCleanup(made.__exit__)
         return made
 
-    def reader(self, topic="rt/hand/left/wrench"):
-        made = Reader(topic)
+    def reader(self, *topics, **kinds):
+        made = Reader(*(topics or ("rt/hand/left/wrench",)), **kinds)
         self.addCleanup(made.close)
         return made
+
+    def times_of_samples(self, count):
+        """The times of so many samples of the segment from now on, in ns since 1970."""
+        with tactiled.open(self.daemon.name).follow("left", 30) as left:
+            published = [next(left).t_ns for _ in range(count)]
+        to_wall_ns = time.time_ns() - time.monotonic_ns()
+        return [t_ns + to_wall_ns for t_ns in published]
+
+    def received(self, reader, times_ns):
+        """Messages of the reader between the first and the last of these times, after that of the last one came."""
+        wait_for(lambda: int(reader.lines[-1][1]) > times_ns[-1] - 10**6, "the message of the last sample")
+        return [line for line in list(reader.lines) if times_ns[0] - 10**6 < int(line[1]) < times_ns[-1] + 10**6]
 
     def test_the_topic_has_every_sample_with_the_segments_values(self):
         self.bridge("--frame-prefix", "hand_")
         reader, began_ns = self.reader(), time.time_ns()
         wait_for(lambda: len(reader.lines) > 50, "messages")
-        with tactiled.open(self.daemon.name).follow("left", 30) as left:
-            published = {next(left).t_ns for _ in range(400)}
-        to_wall_ns = time.time_ns() - time.monotonic_ns()
-        wait_for(lambda: int(reader.lines[-1][1]) > max(published) + to_wall_ns, "the message of the last sample")
-        lines = [line for line in reader.lines if min(published) - 10**6 < int(line[1]) - to_wall_ns < max(published) + 10**6]
-        self.assertAlmostEqual(len(lines), len(published), delta=40)  # best effort
+        times_ns = self.times_of_samples(600)
+        lines = self.received(reader, times_ns)
+        self.assertEqual(len(lines), len(times_ns))
         self.assertEqual({tuple(float(w) for w in line[3].split()[:3]) for line in lines}, {(1, 2, -3)})
         self.assertEqual({line[3].split()[3] for line in lines}, {"nan"})  # no torque is measured
         self.assertEqual({line[2] for line in lines}, {"hand_left"})
         self.assertTrue(all(began_ns < int(line[1]) < time.time_ns() for line in lines), "no time of day")
+
+    def test_writers_are_reliable_and_have_the_hash_of_their_type(self):
+        server, reader = self.bridge(), self.reader("rt/hand/left/wrench", "rt/diagnostics")
+        wait_for(lambda: len(reader.writers()) == 2, "the writers")
+        for topic, kind in (("rt/hand/left/wrench", "geometry_msgs/msg/WrenchStamped"), ("rt/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")):
+            self.assertEqual(reader.writers()[topic], ["reliable", f"typehash=RIHS01_{ros_types.type_hash(kind)};"])
+        server.stop()
+        self.bridge("--best-effort")
+        other = self.reader(option=("--best-effort",))
+        wait_for(lambda: other.lines, "messages")
+        wait_for(lambda: reader.writers()["rt/hand/left/wrench"][0] == "best-effort", "the second writer")
+
+    def test_a_stopped_reader_delays_nobody(self):
+        server, stopped, reader = self.bridge(), self.reader(), self.reader()
+        wait_for(lambda: len(reader.lines) > 50 and len(stopped.lines) > 50, "messages")
+        halt(stopped.process.pid)
+        before = server.status("VmRSS")
+        times_ns = self.times_of_samples(1000)  # 5 s
+        lines = self.received(reader, times_ns)
+        self.assertEqual(len(lines), len(times_ns))
+        self.assertLess(server.status("VmRSS") - before, 2048)
+        late_ms = sorted((int(line[0]) - int(line[1])) / 1e6 for line in lines)
+        print(f"\nms from the sample to another reader, p50 {late_ms[500]:.2f}, p99 {late_ms[990]:.2f}, worst {late_ms[-1]:.2f}")
+        seen = len(stopped.lines)
+        stopped.process.send_signal(signal.SIGCONT)
+        wait_for(lambda: len(stopped.lines) > seen + 50 and int(stopped.lines[-1][1]) > times_ns[-1], "messages after the stop")
+        self.assertEqual(server.stop(), 0)
+        self.assertEqual(server.counts()[1:], (0, 0))  # dropped: a write that had to wait; missed: a writer that was late
+
+    def test_an_uncertain_wrench_is_sent_on_request_alone(self):
+        daemon = unit_daemon(calibration=CALIBRATION.replace("sd = [0.01, 0.01, 0.01]\n", "")).start()
+        self.addCleanup(shutil.rmtree, daemon.folder)
+        self.addCleanup(daemon.__exit__)
+        wait_for(quality_is(daemon, "uncertain"), "a doubtful value")
+        reader, diagnostics = self.reader("rt/doubtful/left/wrench"), self.reader("rt/diagnostics")
+        server = bridge("dds", daemon.name, "--domain", DOMAIN, "--name", "doubtful")
+        self.addCleanup(server.__exit__)
+        wait_for(lambda: diagnostics.lines and "| uncertain:sd-unknown" in diagnostics.lines[-1][3], "the reason")
+        self.assertIn("| 1 tactiled: ", diagnostics.lines[-1][3])
+        wait_for(lambda: "rt/doubtful/left/wrench" in reader.writers() and "1 reader" in server.log(), "the reader to be known")
+        self.assertEqual(reader.lines, [])
+        server.stop()
+        server = bridge("dds", daemon.name, "--domain", DOMAIN, "--name", "doubtful", "--uncertain")
+        self.addCleanup(server.__exit__)
+        wait_for(lambda: reader.lines, "the doubtful values")
 
     def test_nothing_is_sent_while_the_value_is_bad_and_diagnostics_say_why(self):
         self.bridge()
@@ -111,7 +176,7 @@ class Dds(unittest.TestCase):
 
     def test_another_domain_and_a_wrong_network_are_apart(self):
         self.bridge()
-        other = Reader("rt/hand/left/wrench", "78")
+        other = Reader("rt/hand/left/wrench", domain="78")
         self.addCleanup(other.close)
         mine = self.reader()
         wait_for(lambda: len(mine.lines) > 10, "messages")

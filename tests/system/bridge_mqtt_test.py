@@ -1,10 +1,14 @@
 #!/usr/bin/env python3
-"""tactiled-mqtt before a real mosquitto: values of the segment, BAD as null, the last will, the broker killed and restarted, TLS."""
+"""tactiled-mqtt before a real mosquitto: values of the segment, BAD as null, UNCERTAIN marked, the last will, nothing healthy 2 s after the
+end of the bridge, a model of Home Assistant, the broker killed and restarted, TLS."""
+import contextlib
 import json
 import os
 import pathlib
 import queue
 import shutil
+import signal
+import socket
 import statistics
 import subprocess
 import sys
@@ -16,11 +20,13 @@ import jsonschema
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from bridge_process import Process, bridge  # noqa: E402
-from daemon import BIN, PATIENCE_S, ROOT, Stopwatch, free_port, wait_for  # noqa: E402
-from unit_daemon import play, quality_is, unit_daemon  # noqa: E402
+from daemon import BIN, PATIENCE_S, ROOT, Stopwatch, free_port, halt, wait_for  # noqa: E402
+from home_assistant import HomeAssistant  # noqa: E402
+from unit_daemon import CALIBRATION, WATCHDOG_S, play, quality_is, unit_daemon  # noqa: E402
 
 SCHEMA = json.loads((ROOT / "node/bridges/mqtt.schema.json").read_text())
-KIND = {"wrench": "wrench", "quality": "quality_message", "grasp": "grasp", "state": "state"}
+KIND = {"wrench": "wrench", "quality": "quality_message", "grasp": "grasp", "weight": "weight", "tool": "tool", "state": "state"}
+EXPIRY_S = 2
 BROKER = shutil.which("mosquitto") or "/usr/sbin/mosquitto"
 
 
@@ -37,6 +43,45 @@ class Broker:
 
     def start(self):
         self.process = Process(BROKER, "-c", self.config, ready="running")
+
+
+class OldBroker:
+    """The way to a broker as one that speaks MQTT 3.1.1 alone: it answers a CONNECT of another version with code 1, as 3.1.1 demands."""
+
+    def __init__(self, port):
+        self.to, self.refused = port, 0
+        self.listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self.listener.getsockname()[1]
+        threading.Thread(target=self.accept, daemon=True).start()
+
+    def accept(self):
+        with contextlib.suppress(OSError):
+            while True:
+                threading.Thread(target=self.serve, args=(self.listener.accept()[0],), daemon=True).start()
+
+    def serve(self, client):
+        first = client.recv(4096)
+        if first[first.index(b"MQTT") + 4] != 4:
+            self.refused += 1
+            client.sendall(b"\x20\x02\x00\x01")
+            client.close()
+            return
+        broker = socket.create_connection(("127.0.0.1", self.to))
+        broker.sendall(first)
+        threading.Thread(target=self.pass_on, args=(broker, client), daemon=True).start()
+        self.pass_on(client, broker)
+
+    @staticmethod
+    def pass_on(a, b):
+        with contextlib.suppress(OSError):
+            while data := a.recv(4096):
+                b.sendall(data)
+        for each in (a, b):
+            with contextlib.suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
+
+    def close(self):
+        self.listener.close()
 
 
 class Subscriber:
@@ -101,13 +146,18 @@ class Mqtt(unittest.TestCase):
         subscriber = self.subscriber()
         seen = {}
         subscriber.until(lambda topic, message: seen.update({topic: message}) or check(topic, message) or
-                         (len(seen) == 4 and message.get("sequence", 0) > 50))
-        self.assertEqual(set(seen), {f"{self.node}/{end}" for end in ("state", "grasp", "left/quality", "left/wrench")})
+                         (len(seen) == 5 and message.get("sequence", 0) > 50))
+        self.assertEqual(set(seen), {f"{self.node}/{end}" for end in ("state", "grasp", "weight", "left/quality", "left/wrench")})
         wrench = seen[f"{self.node}/left/wrench"]
         self.assertEqual((wrench["force_N"], wrench["torque_Nm"], wrench["quality"]), ([1, 2, -3], [None] * 3, "good"))
         for sd_N in wrench["sd_force_N"]:
             self.assertAlmostEqual(sd_N, 0.01, places=6)  # it grows with the age of the zero
         self.assertTrue(began_s < wrench["t_s"] < time.time(), "no time of day")
+        self.assertAlmostEqual(wrench["valid_until_s"] - wrench["t_s"], WATCHDOG_S, delta=0.01)
+        for kind in ("state", "grasp", "weight", "left/quality"):
+            message = seen[f"{self.node}/{kind}"]
+            self.assertAlmostEqual(message["valid_until_s"] - message["t_s"], EXPIRY_S, delta=0.01)
+        self.assertEqual(seen[f"{self.node}/grasp"]["quality"], "bad")  # there is no [grasp]
         self.assertEqual(seen[f"{self.node}/state"]["sensors"], ["left"])
         wrench["quality"] = "bad"
         with self.assertRaises(jsonschema.ValidationError):
@@ -124,12 +174,81 @@ class Mqtt(unittest.TestCase):
         self.assertAlmostEqual(statistics.median(b - a for a, b in zip(times_s, times_s[1:])), 1 / 20, delta=0.01)
         self.assertEqual(sum(m["samples"] for m in found), found[-1]["sequence"] - first["sequence"])
 
-    def test_a_deadband_leaves_out_what_does_not_move(self):
-        self.bridge("--deadband-N", "0.5", "--refresh-s", "60")
+    def test_a_deadband_leaves_out_what_does_not_move_and_renews_it(self):
+        self.bridge("--deadband-N", "0.5", "--rate-Hz", "50")
         subscriber = self.subscriber(f"{self.node}/left/wrench")
-        with self.assertRaises(TimeoutError):  # all came before it subscribed
-            for _ in range(3):
-                subscriber.until(self.is_good, 1)
+        times_s = [subscriber.until(self.is_good)["t_s"] for _ in range(6)]
+        self.assertGreater(min(b - a for a, b in zip(times_s, times_s[1:])), 0.4)
+        self.assertAlmostEqual(statistics.median(b - a for a, b in zip(times_s, times_s[1:])), 0.5, delta=0.1)
+
+    def test_uncertain_is_marked_in_each_payload_and_not_shown_by_home_assistant(self):
+        daemon = unit_daemon(calibration=CALIBRATION.replace("sd = [0.01, 0.01, 0.01]\n", "")).start()
+        self.addCleanup(shutil.rmtree, daemon.folder)
+        self.addCleanup(daemon.__exit__)
+        wait_for(quality_is(daemon, "uncertain"), "a doubtful value")
+        home = self.home()
+        made = bridge("mqtt", daemon.name, "--port", self.broker.port, "--discovery", "homeassistant")
+        self.addCleanup(made.__exit__)
+        subscriber = self.subscriber(f"tactiled/{daemon.name}/#")
+        seen = {}
+        subscriber.until(lambda topic, message: seen.update({topic.rpartition("/")[2]: message}) or len(seen) == 5)
+        self.assertEqual({kind: seen[kind]["quality"] for kind in ("wrench", "quality", "state")}, dict.fromkeys(("wrench", "quality", "state"), "uncertain"))
+        self.assertIn("sd-unknown", seen["wrench"]["reasons"])
+        wait_for(lambda: "quality" in home.shown(), "the quality")
+        self.assertEqual(home.shown(), {"quality": "uncertain", "fault": "OFF"})
+
+    def home(self):
+        home = HomeAssistant(self.broker.port)
+        self.addCleanup(home.close)
+        return home
+
+    def healthy_retained(self):
+        """Texts that a subscriber gets which looks for retained messages alone, and which look healthy."""
+        done = subprocess.run(["mosquitto_sub", "-V", "5", "-p", str(self.broker.port), "--retained-only", "-W", "1", "-F", "%t %p", "-t", "tactiled/#"],
+                              capture_output=True, text=True)
+        return [line for line in done.stdout.splitlines() if '"good"' in line or '"online":true' in line]
+
+    def test_two_seconds_after_its_end_nothing_of_a_bridge_looks_healthy(self):
+        for signal_number, end in ((signal.SIGKILL, "killed"), (signal.SIGSTOP, "stopped")):
+            with self.subTest(end):
+                server, home, subscriber = self.bridge("--discovery", "homeassistant"), self.home(), self.subscriber()
+                wait_for(lambda: home.shown().get("Fz") == "-3.0" and "quality" in home.shown(), "the values")
+                wait_for(lambda: self.healthy_retained(), "a retained state")
+                server.process.send_signal(signal_number)
+                if end == "stopped":
+                    halt(server.process.pid)
+                ended_s, ended_wall_s = time.monotonic(), time.time()
+                healthy, home_late = [], None
+                while (now_s := time.monotonic()) < ended_s + EXPIRY_S + 1:
+                    if home_late is None and now_s > ended_s + EXPIRY_S / 2:
+                        home_late = self.home()  # finds what is retained then
+                    seen = self.healthy_retained() if now_s > ended_s + EXPIRY_S else []
+                    healthy += [(round(now_s - ended_s, 2), line) for line in seen]
+                    shown = home.shown()
+                    if time.monotonic() > ended_s + EXPIRY_S + 0.1 and shown:
+                        healthy.append((round(now_s - ended_s, 2), shown))
+                    self.assertEqual(home_late.shown() if home_late else {}, {})
+                self.assertEqual(healthy, [])
+                self.assertEqual(home_late.names() - {"slips"}, {"Fx", "Fy", "Fz", "quality", "fault"})
+                late = []
+                with self.assertRaises(TimeoutError):  # all that came has ended
+                    subscriber.until(lambda _, message: message["quality"] == "good" and late.append(message["valid_until_s"]), 0.5)
+                self.assertGreater(len(late), 3)
+                self.assertLessEqual(max(late), ended_wall_s + EXPIRY_S)
+                for each in (server.kill, home.close, home_late.close, subscriber.close):
+                    each()
+
+    def test_a_broker_of_3_1_1_retains_nothing_healthy(self):
+        relay = OldBroker(self.broker.port)
+        self.addCleanup(relay.close)
+        server = self.bridge("--discovery", "homeassistant", port=relay.port)
+        self.subscriber().until(self.is_good)
+        wait_for(lambda: "by 3.1.1" in server.log(), "the message")
+        self.subscriber().until(lambda topic, message: topic.endswith("state") and message["online"])
+        self.assertEqual(self.healthy_retained(), [])
+        server.kill()
+        self.subscriber().until(lambda topic, message: topic.endswith("state") and not message["online"])
+        self.assertGreaterEqual(relay.refused, 1)
 
     def test_bad_is_null_and_killed_daemon_and_bridge_show(self):
         server = self.bridge()
@@ -199,13 +318,19 @@ class Mqtt(unittest.TestCase):
         self.assertIsNone(server.process.poll())
         self.assertEqual(server.stop(), 0)
 
-    def test_discovery_is_retained(self):
+    def test_home_assistant_shows_what_is_good_and_nothing_else(self):
         self.bridge("--discovery", "homeassistant")
-        messages = self.subscriber("homeassistant/#")
-        found = {}
-        messages.until(lambda topic, message: found.update({topic: message}) or len(found) == 3)
-        self.assertEqual({m["unit_of_measurement"] for m in found.values()}, {"N"})
-        self.assertEqual({m["availability_topic"] for m in found.values()}, {f"{self.node}/state"})
+        home = self.home()
+        wait_for(lambda: home.shown() == {"Fx": "1.0", "Fy": "2.0", "Fz": "-3.0", "quality": "good", "fault": "OFF"}, "the values")
+        self.daemon.others[0].kill()
+        wait_for(lambda: home.shown().get("quality") == "bad", "the end of the sensor")
+        self.assertEqual(set(home.shown()), {"quality", "fault"})
+        self.daemon.process.kill()
+        self.daemon.process.wait()
+        wait_for(lambda: home.shown() == {}, "the end of the daemon")
+        late = self.home()
+        wait_for(lambda: late.names() == home.names(), "the entities")  # discovery is retained
+        self.assertEqual(late.shown(), {})
 
     def test_a_password_and_tls(self):
         folder = self.daemon.folder

@@ -1,19 +1,25 @@
 #!/usr/bin/env python3
-"""tactiled-rdt: a client of RDT reads the values of the segment, and nothing at all while there is no value."""
+"""tactiled-rdt: a client of RDT reads the values of the segment, with an error in the status while they are doubtful, and nothing at all
+while there is no value."""
+import http.client as http_client
 import pathlib
 import shutil
+import socket
 import statistics
 import subprocess
 import sys
 import unittest
+import urllib.error
+import urllib.request
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from bridge_process import bridge  # noqa: E402
 from daemon import BIN, free_port, wait_for  # noqa: E402
-from rdt_client import Client  # noqa: E402
-from unit_daemon import quality_is, unit_daemon  # noqa: E402
+from rdt_client import Client, NetFt  # noqa: E402
+from unit_daemon import CALIBRATION, quality_is, unit_daemon  # noqa: E402
 
 STOP, STREAM, BIAS = 0, 2, 0x42
+ERROR = 1 << 31
 
 
 class Rdt(unittest.TestCase):
@@ -137,6 +143,91 @@ class Rdt(unittest.TestCase):
         # By the numbers of the samples, 200 per second, because a busy machine may leave records out.
         self.assertEqual(statistics.median(steps), 4)
         self.assertGreater(samples[-1] - samples[0], 0.95 * 4 * 100)
+
+    def uncertain(self):
+        """Another daemon, whose values are doubtful."""
+        daemon = unit_daemon(self.rows, calibration=CALIBRATION.replace("sd = [0.01, 0.01, 0.01]\n", "")).start()
+        self.addCleanup(shutil.rmtree, daemon.folder)
+        self.addCleanup(daemon.__exit__)
+        wait_for(quality_is(daemon, "uncertain"), "a doubtful value")
+        return daemon
+
+    def test_an_uncertain_value_has_the_error_bit(self):
+        words = ("--listen", f"127.0.0.1:{self.port}", "--zero", "mx,my,mz")
+        daemon, client = self.uncertain(), self.client()
+        with bridge("rdt", daemon.name, *words):
+            client.request(STREAM)
+            records = [client.record() for _ in range(50)]
+            self.assertEqual({r[2] for r in records}, {ERROR | 1 << 23})  # not calibrated
+            self.assertEqual({tuple(r[3]) for r in records}, {(1, 2, -3, 0, 0, 0)})
+        with bridge("rdt", daemon.name, *words, "--good-only"):
+            client.request(STREAM)
+            self.assertEqual(client.records(0.5), [])
+
+    def test_the_client_that_has_been_silent_for_longest_loses_its_place_to_a_ninth(self):
+        server = self.bridge("--zero", "mx,my,mz")
+        clients = [self.client() for _ in range(8)]
+        for client in clients:
+            client.request(STREAM)
+            client.record()
+        clients[0].request(STREAM)  # a sign of life: now the second one is the oldest
+        wait_for(lambda: clients[0].record()[0] == 1, "its new start")
+        ninth = self.client()
+        ninth.request(STREAM)
+        ninth.record()
+        wait_for(lambda: clients[1].records(0.3) == [], "the end of the second client's stream")
+        for client in (clients[0], *clients[2:], ninth):
+            self.assertNotEqual(client.records(0.3), [])
+        self.assertIn("lost its place", server.log())
+
+    def test_a_client_that_knows_the_address_alone_reads_the_page(self):
+        http = free_port()
+        self.bridge("--zero", "mx,my,mz", "--http-port", http, "--counts-per-N", 5000, "--counts-per-Nm", 7000)
+        client = NetFt(self.port, http)
+        self.addCleanup(client.close)
+        self.assertEqual((client.counts, client.ranges), ([5000] * 3 + [7000] * 3, [100] * 3 + [0] * 3))
+        self.assertEqual({tuple(values) for values in client.read(50)}, {(1, 2, -3, 0, 0, 0)})
+        self.assertEqual(client.now(), (0, [1, 2, -3, 0, 0, 0]))
+        wait_for(lambda: abs(int(client.fields()["comrdtrate"]) - 200) < 20, "the rate of the sensor")
+        self.daemon.others[0].kill()
+        wait_for(lambda: client.now() == (ERROR | 1 << 27, []), "the end of the sensor")
+        self.daemon.process.kill()
+        self.daemon.process.wait()
+        wait_for(lambda: client.now()[0] & (ERROR | 1 << 14) == ERROR | 1 << 14, "the end of the daemon")
+        self.assertEqual(client.now()[1], [])
+        with self.assertRaises(urllib.error.HTTPError) as other:
+            urllib.request.urlopen(f"http://127.0.0.1:{http}/netftcalapi.xml", timeout=30)
+        self.assertEqual(other.exception.code, 404)
+        other.exception.close()
+
+    def test_a_doubtful_value_is_refused_by_a_client_that_reads_its_status(self):
+        daemon, http = self.uncertain(), free_port()
+        with bridge("rdt", daemon.name, "--listen", f"127.0.0.1:{self.port}", "--zero", "mx,my,mz", "--http-port", http):
+            client = NetFt(self.port, http)
+            self.addCleanup(client.close)
+            self.assertEqual(client.now()[0], ERROR | 1 << 23)
+            with self.assertRaisesRegex(ValueError, "status 0x80800000"):
+                client.read(10)
+
+    def test_the_page_is_for_allowed_clients_and_idle_ones_lose_their_place(self):
+        http = free_port()
+        self.bridge("--zero", "mx,my,mz", "--http-port", http, "--allow", "127.0.0.3/32")
+        with self.assertRaises((OSError, http_client.HTTPException)):
+            urllib.request.urlopen(f"http://127.0.0.1:{http}/netftapi2.xml", timeout=30)
+
+        def get(address):
+            connection = http_client.HTTPConnection("127.0.0.1", http, timeout=30, source_address=(address, 0))
+            connection.request("GET", "/netftapi2.xml")
+            text = connection.getresponse().read().decode()
+            connection.close()
+            return text
+
+        self.assertIn("<cfgcpf>1000000</cfgcpf>", get("127.0.0.3"))
+        idle = [socket.create_connection(("127.0.0.1", http), source_address=("127.0.0.3", 0)) for _ in range(12)]
+        for each in idle:
+            self.addCleanup(each.close)
+        self.assertIn("<cfgcpf>", get("127.0.0.3"))
+        self.assertIn("addresses of their own", self.refused("--sensor", "left", "--listen", f"127.0.0.1:{free_port()}", "--zero", "mx,my,mz", "--http-port", str(http)))
 
     def test_rubbish_changes_nothing(self):
         self.bridge("--zero", "mx,my,mz")

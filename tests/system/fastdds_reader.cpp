@@ -1,7 +1,9 @@
-// Reads a WrenchStamped topic with eProsima's Fast DDS, another vendor's DDS than the bridge's, with the settings of ROS 2
-// for sensor data and ROS_LOCALHOST_ONLY=1. Prints one line a message: receive and send time in ns since 1970, frame, six
-// numbers.
-//     fastdds_reader DOMAIN SECONDS TOPIC...     as in DDS: rt/gripper/left/wrench; rt/diagnostics: level, name, message
+// Reads topics with eProsima's Fast DDS, another vendor's DDS than the bridge's, as an ordinary subscription of ROS 2 does:
+// reliable, volatile, the last 10; and with ROS_LOCALHOST_ONLY=1. Prints one line a message: receive and send time in ns
+// since 1970, frame, and six numbers of a WrenchStamped. Prints each writer to the standard error: topic, reliable or not,
+// user data.
+//     fastdds_reader DOMAIN SECONDS [--best-effort | --writers] TOPIC...     as in DDS: rt/gripper/left/wrench
+//     rt/diagnostics: level, name, message; a topic that ends with /grasp: valid until in ns, quality, state, weight
 #include <fastcdr/Cdr.h>
 #include <fastcdr/FastBuffer.h>
 
@@ -12,6 +14,7 @@
 #include <cstdlib>
 #include <fastdds/dds/domain/DomainParticipant.hpp>
 #include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/domain/DomainParticipantListener.hpp>
 #include <fastdds/dds/subscriber/DataReader.hpp>
 #include <fastdds/dds/subscriber/DataReaderListener.hpp>
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
@@ -29,10 +32,19 @@ struct Text {
     std::string line;
 };
 
+enum class Kind { kWrench, kDiagnostics, kGrasp };
+
+Kind kind_of(const std::string& topic) {
+    if (topic == "rt/diagnostics") return Kind::kDiagnostics;
+    return topic.ends_with("/grasp") ? Kind::kGrasp : Kind::kWrench;
+}
+
 class Type : public fast::TopicDataType {
 public:
-    explicit Type(bool diagnostics) : diagnostics_(diagnostics) {
-        setName(diagnostics ? "diagnostic_msgs::msg::dds_::DiagnosticArray_" : "geometry_msgs::msg::dds_::WrenchStamped_");
+    explicit Type(Kind kind) : kind_(kind) {
+        setName(kind == Kind::kDiagnostics ? "diagnostic_msgs::msg::dds_::DiagnosticArray_"
+                : kind == Kind::kGrasp     ? "tactiled_msgs::msg::dds_::Grasp_"
+                                           : "geometry_msgs::msg::dds_::WrenchStamped_");
         m_typeSize = 65536;
     }
     bool deserialize(rtps::SerializedPayload_t* payload, void* data) override {
@@ -45,7 +57,9 @@ public:
         cdr >> s >> ns >> frame;
         std::string& line = static_cast<Text*>(data)->line;
         line = std::to_string(std::int64_t(s) * 1'000'000'000 + ns) + " " + (frame.empty() ? "-" : frame);
-        return diagnostics_ ? read_statuses(cdr, line) : read_numbers(cdr, line);
+        return kind_ == Kind::kDiagnostics ? read_statuses(cdr, line)
+               : kind_ == Kind::kGrasp     ? read_grasp(cdr, line)
+                                           : read_numbers(cdr, line);
     }
     bool serialize(void*, rtps::SerializedPayload_t*) override { return false; }
     std::function<std::uint32_t()> getSerializedSizeProvider(void*) override {
@@ -79,7 +93,29 @@ private:
         }
         return true;
     }
-    bool diagnostics_;
+    static bool read_grasp(eprosima::fastcdr::Cdr& cdr, std::string& line) {
+        std::int32_t s = 0;
+        std::uint32_t ns = 0, grasps = 0, slips = 0;
+        std::uint8_t quality = 0, weight_quality = 0;
+        std::string state, weight_state, doubts;
+        double kg = 0, sd_kg = 0;
+        cdr >> s >> ns >> quality >> state >> weight_quality >> weight_state >> doubts >> kg >> sd_kg >> grasps >> slips;
+        line += " " + std::to_string(std::int64_t(s) * 1'000'000'000 + ns) + " " + std::to_string(quality) + " " + state +
+                " " + std::to_string(weight_quality) + " " + weight_state + " [" + doubts + "] " + std::to_string(kg) + " " +
+                std::to_string(sd_kg) + " " + std::to_string(grasps) + " " + std::to_string(slips);
+        return true;
+    }
+    Kind kind_;
+};
+
+class Writers : public fast::DomainParticipantListener {
+    void on_publisher_discovery(fast::DomainParticipant*, rtps::WriterDiscoveryInfo&& found) override {
+        if (found.status != rtps::WriterDiscoveryInfo::DISCOVERED_WRITER) return;
+        const auto& qos = found.info.m_qos;
+        const std::string data(qos.m_userData.begin(), qos.m_userData.end());
+        std::fprintf(stderr, "writer %s %s %s\n", found.info.topicName().c_str(),
+                     qos.m_reliability.kind == fast::RELIABLE_RELIABILITY_QOS ? "reliable" : "best-effort", data.c_str());
+    }
 };
 
 class Listener : public fast::DataReaderListener {
@@ -99,26 +135,31 @@ class Listener : public fast::DataReaderListener {
 
 int main(int argc, char** argv) {
     if (argc < 4) return 2;
+    const std::string option = argv[3];
+    const bool best_effort = option == "--best-effort";
     auto* const factory = fast::DomainParticipantFactory::get_instance();
     fast::DomainParticipantQos where = fast::PARTICIPANT_QOS_DEFAULT;
     const auto loopback = std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>();
     loopback->interfaceWhiteList.emplace_back("127.0.0.1");  // the setting of rmw_fastrtps for ROS_LOCALHOST_ONLY=1
     where.transport().use_builtin_transports = false;
     where.transport().user_transports.push_back(loopback);
-    auto* const participant = factory->create_participant(fast::DomainId_t(std::atoi(argv[1])), where);
+    Writers writers;
+    auto* const participant =
+        factory->create_participant(fast::DomainId_t(std::atoi(argv[1])), where, &writers, fast::StatusMask::none());
     if (participant == nullptr) return 1;
     auto* const subscriber = participant->create_subscriber(fast::SUBSCRIBER_QOS_DEFAULT);
     Listener listener;
     for (int i = 3; i < argc; ++i) {
         const std::string topic_name = argv[i];
-        const bool diagnostics = topic_name == "rt/diagnostics";
-        fast::TypeSupport type(new Type(diagnostics));
+        if (topic_name == option && option.starts_with("--")) continue;
+        fast::TypeSupport type(new Type(kind_of(topic_name)));
         type.register_type(participant);
         auto* const topic = participant->create_topic(topic_name, type.get_type_name(), fast::TOPIC_QOS_DEFAULT);
         fast::DataReaderQos qos = fast::DATAREADER_QOS_DEFAULT;
-        qos.reliability().kind = diagnostics ? fast::RELIABLE_RELIABILITY_QOS : fast::BEST_EFFORT_RELIABILITY_QOS;
+        qos.reliability().kind = best_effort ? fast::BEST_EFFORT_RELIABILITY_QOS : fast::RELIABLE_RELIABILITY_QOS;
+        qos.durability().kind = fast::VOLATILE_DURABILITY_QOS;
         qos.history().kind = fast::KEEP_LAST_HISTORY_QOS;
-        qos.history().depth = 100;
+        qos.history().depth = 10;
         if (subscriber->create_datareader(topic, qos, &listener) == nullptr) return 1;
     }
     std::this_thread::sleep_for(std::chrono::duration<double>(std::atof(argv[2])));

@@ -109,7 +109,7 @@ class Fleet(unittest.TestCase):
             config.write_text(CONFIG.format(name=name, folder=self.folder, root=ROOT))
             self.part("daemon", BIN / "tactiled", "--config", config)
             self.part("mqtt", BIN / "tactiled-mqtt", "--node", name, "--port", broker, "--rate-Hz", MQTT_Hz)
-            self.part("dds", BIN / "tactiled-dds", "--node", name, "--domain", "79", "--many", "--frame-prefix", f"{name}/")
+            self.part("dds", BIN / "tactiled-dds", "--node", name, "--domain", "79", "--many", "--frame-prefix", f"{name}/", "--uncertain")  # a simulated table has no sd
             self.part("web", BIN / "tactiled-web", "--node", name, "--listen", f"127.0.0.1:{port}")
         self.client = self.start("mosquitto_sub", "-p", broker, "-t", "tactiled/+/state", "-v")
 
@@ -188,7 +188,7 @@ class Fleet(unittest.TestCase):
             print(f"{kind}: {100 * (cpu[kind] - at[2][kind]) / taken_s / FLEET:.2f} % of a CPU and {rss:.1f} MB each")
         self.assertEqual(lost, 0)
         self.assertAlmostEqual(min(rates), RATE_Hz, delta=2)
-        self.assertLess(not_seen, 0.01 * expected)  # best effort
+        self.assertLess(not_seen, 0.01 * expected)  # by times of samples, which a busy daemon may leave out
         self.broker_away()
 
     def dropped(self):

@@ -215,7 +215,7 @@ WRITES_TO_BAD_ADDRESSES = table([
 
 WRITES_OF_BAD_VALUES = table([
     *((f"a watchdog of {ms} ms", register(5021, ms), 3, OURS) for ms in (1, 9, 60001, 0xFFFF)),
-    *((f"a gripper state of {state}", register(5022, state), 3, OURS) for state in (6, 0xFFFF)),
+    *((f"a gripper state of {state}", register(5022, state), 3, OURS) for state in (6, 7, 0xFFFE)),
     *((f"{name} with mask 0x{sensors:X}", register(at, sensors), 3, OURS)
       for at, name in ((5010, "TARE"), (5011, "UNTARE"), (5012, "CLEAR_LATCH"), (5014, "RESET_PEAK"))
       for sensors in (2, 0x8001, 0xFFFF)),
@@ -287,7 +287,7 @@ WRITES_OF_GOOD_FORM = table([
      (), (), ((read(3, SCRATCH, 121), holds(3, *FULL_WRITE[:121])),)),
     *((f"the least and the most of {at}: {value}", register(at, value), register(at, value), OURS,
        (), (), ((read(3, at, 1), holds(3, value)),))
-      for at, value in ((5021, 10), (5021, 60000), (5021, 0), (5022, 5), (5022, 0), (5020, 0xFFFF), (5023, 0xFFFF))),
+      for at, value in ((5021, 10), (5021, 60000), (5021, 0), (5022, 5), (5022, 0), (5022, 0xFFFF), (5020, 0xFFFF), (5023, 0xFFFF))),
     *((f"a mask of 0 in {at}", register(at, 0), register(at, 0), OURS) for at in (5010, 5011, 5012, 5013, 5014)),
     ("UNLOCK", UNLOCK, UNLOCK, OURS),
     ("LOCK", LOCK, LOCK, OURS),

@@ -10,6 +10,7 @@ import re
 import struct
 import subprocess
 import sys
+import threading
 import time
 import unittest
 
@@ -25,7 +26,7 @@ import tactiled  # noqa: E402
 
 G_m_s2, MASS_kg, CENTRE_m, POSITION_m = 9.80665, 0.8, (0.004, 0.012, -0.03), (0.0, 0.0, -0.12)
 ZERO = (3.1, -2.2, 1.4, 0.05, 0.02, -0.08)
-TOOL, TOOL_FLOATS, GRAVITY_X = 60, 2030, 5040
+TOOL, TOOL_FLOATS, GRAVITY_X, WARN_HINTS = 60, 2030, 5040, 1 << 9
 CONFIG = """[tool]
 
 [[tool.sensor]]
@@ -48,12 +49,45 @@ def gravity(tilt, towards):
     return (G_m_s2 * math.sin(tilt) * math.cos(towards), G_m_s2 * math.sin(tilt) * math.sin(towards), G_m_s2 * math.cos(tilt))
 
 
+class Plc:
+    """Writes gravity, once it has been told, five times a second until it stops; and reads registers."""
+
+    def __init__(self, port):
+        self.client, self.lock = ModbusTcpClient("127.0.0.1", port=port), threading.Lock()
+        wait_for(self.client.connect, "the registers")
+        self.gravity, self.stopped = None, threading.Event()
+        self.thread = threading.Thread(target=self.repeat, daemon=True)
+        self.thread.start()
+
+    def repeat(self):
+        while not self.stopped.wait(0.2):
+            if self.gravity is not None:
+                self.write(self.gravity)
+
+    def write(self, gravity):
+        with self.lock:
+            self.gravity, self.wrote_s = gravity, time.monotonic()
+            answer = self.client.write_registers(GRAVITY_X, gravity, slave=1)
+        assert not answer.isError(), answer
+
+    def read(self, at, count):
+        with self.lock:
+            return self.client.read_input_registers(at, count=count, slave=1).registers
+
+    def stop(self):
+        self.stopped.set()
+        self.thread.join()
+
+    def close(self):
+        self.stop()
+        self.client.close()
+
+
 class Tool(unittest.TestCase):
     def setUp(self):
         self.daemon, self.devices = begin(self, CONFIG, {"wrist": 6, "finger": 3}, commands=True)
-        self.plc = ModbusTcpClient("127.0.0.1", port=self.daemon.port)
-        self.assertTrue(self.plc.connect())
-        self.addCleanup(self.plc.close)
+        self.plc = Plc(self.daemon.port)
+        self.addCleanup(lambda: self.plc.close())
         self.node = tactiled.open(self.daemon.name)
         self.random = random.Random(3)
 
@@ -69,8 +103,7 @@ class Tool(unittest.TestCase):
             self.tell(off)
 
     def tell(self, g):
-        registers = [round(x * 1000) & 0xFFFF for x in g]
-        self.assertFalse(self.plc.write_registers(GRAVITY_X, registers, slave=1).isError())
+        self.plc.write([round(x * 1000) & 0xFFFF for x in g])
         time.sleep(0.3)
 
     def fit(self, poses):
@@ -109,15 +142,15 @@ class Tool(unittest.TestCase):
         tool = self.node.tool
         for seen, right in zip(tool.force_G_N, force):
             self.assertAlmostEqual(seen, right, delta=0.1)
-        registers = self.plc.read_input_registers(TOOL, count=20, slave=1).registers
+        registers = self.plc.read(TOOL, 20)
         self.assertEqual(registers[0], registers[19])
         self.assertTrue(registers[1] >> 8 & 1, registers)
         for seen, right in zip(struct.unpack(">3h", struct.pack(">3H", *registers[2:5])), tool.force_G_N):
             self.assertAlmostEqual(seen * 0.01, right, delta=0.03)
         self.assertEqual(registers[14:16] + registers[17:18], [1, 0, 800])
-        floats = self.plc.read_input_registers(TOOL_FLOATS, count=28, slave=1).registers
-        by_sensor = self.plc.read_input_registers(2500, count=28, slave=1).registers
-        none = self.plc.read_input_registers(2528, count=28, slave=1).registers
+        floats = self.plc.read(TOOL_FLOATS, 28)
+        by_sensor = self.plc.read(2500, 28)
+        none = self.plc.read(2528, 28)
         self.assertEqual(none[1], 1 << 15)
         for block in (floats, by_sensor):
             for seen, right in zip(struct.unpack(">3f", struct.pack(">6H", *block[2:8])), tool.force_G_N):
@@ -136,13 +169,28 @@ class Tool(unittest.TestCase):
         self.devices["wrist"].is_silent = True
         wait_for(lambda: self.node.tool.quality == tactiled.BAD, "the sum to have no value")
         self.assertTrue(math.isnan(self.node.tool.force_G_N[0]))
-        registers = self.plc.read_input_registers(TOOL, count=20, slave=1).registers
+        registers = self.plc.read(TOOL, 20)
         self.assertEqual((registers[1] >> 15, registers[2:8], registers[15]), (1, [0x8000] * 6, 1))
         self.devices["wrist"].is_silent = False
         wait_for(lambda: self.node.tool.quality == tactiled.GOOD, "the sum to be back")
-        self.assertFalse(self.plc.write_registers(GRAVITY_X, [0x8000] * 3, slave=1).isError())
+        self.plc.write([0x8000] * 3)
         wait_for(lambda: self.node.tool.quality == tactiled.BAD, "no sum without gravity")
         self.assertIn("gravity", tool_json(self.daemon)["why"])
+
+    def test_gravity_of_a_plc_that_stopped_expires(self):
+        self.fit(6)
+        self.turn(0.5, 0.3)
+        wait_for(lambda: self.node.tool.quality == tactiled.GOOD, "the sum")
+        self.plc.stop()
+        wait_for(lambda: self.node.tool.quality == tactiled.BAD, "no sum with the gravity of a dead PLC")
+        self.assertGreaterEqual(time.monotonic() - self.plc.wrote_s, 2)
+        wait_for(lambda: self.plc.read(9, 1)[0] & WARN_HINTS, "the warning")
+        self.assertEqual(self.plc.read(7, 1)[0] & 0x5000, 0x5000, "STATUS: the PLC is silent, a warning")
+        self.assertIn("gravity", tool_json(self.daemon)["why"])
+        self.assertEqual(self.plc.client.read_holding_registers(GRAVITY_X, count=3, slave=1).registers, [0x8000] * 3)
+        self.plc.write(self.plc.gravity)
+        wait_for(lambda: self.node.tool.quality == tactiled.GOOD, "the sum of a PLC that is back")
+        wait_for(lambda: not self.plc.read(9, 1)[0] & WARN_HINTS, "the end of the warning")
 
     def test_a_tare_in_one_pose_holds_in_another(self):
         self.fit(6)
@@ -154,13 +202,11 @@ class Tool(unittest.TestCase):
         tool = self.node.tool
         self.assertEqual(tool.quality, tactiled.GOOD, tool)
         self.assertLess(math.hypot(*tool.force_G_N), 0.02 * MASS_kg * G_m_s2)
+        self.plc.close()
         self.daemon.stop()  # the next run has the tare, and not the pose of it
         self.daemon.start()
         node = tactiled.open(self.daemon.name)
-        self.plc.close()
-        self.plc = ModbusTcpClient("127.0.0.1", port=self.daemon.port)
-        wait_for(self.plc.connect, "the registers of the next run")
-        self.addCleanup(self.plc.close)
+        self.plc = Plc(self.daemon.port)
         self.turn(1.0, 1.0)
         time.sleep(0.5)
         self.assertEqual(node.tool.quality, tactiled.BAD)

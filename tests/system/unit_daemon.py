@@ -23,6 +23,8 @@ stale_ms = 2000
 frozen_after = 0
 """
 
+WATCHDOG_S = 0.25  # the default of watchdog_ms
+
 CALIBRATION = """format = 1
 model = "generic"
 method = "matrix"
@@ -39,9 +41,9 @@ full_scale = [100.0, 100.0, 100.0]
 """
 
 
-def unit_daemon(rows="0,1,2,-3\n0.01,1,2,-3\n", rate=200, config=CONFIG):
+def unit_daemon(rows="0,1,2,-3\n0.01,1,2,-3\n", rate=200, config=CONFIG, calibration=CALIBRATION):
     daemon = Daemon(config)
-    (daemon.folder / "unit.toml").write_text(CALIBRATION)
+    (daemon.folder / "unit.toml").write_text(calibration)
     (daemon.folder / "rows.csv").write_text("t_s,c1,c2,c3\n" + rows)
     if rate:
         play(daemon, rate)

@@ -293,7 +293,8 @@ enum tactiled_warning {
     TACTILED_WARN_BUDGET = 1 << 5, /* a sensor is TACTILED_STEPPED_DOWN or TACTILED_OVER_BUDGET */
     TACTILED_WARN_RATE = 1 << 6,   /* a sensor is TACTILED_WRONG_RATE */
     TACTILED_WARN_RELOAD = 1 << 7, /* the last reload was refused: the previous configuration is in force */
-    TACTILED_WARN_JAWS = 1 << 8    /* a bit of weight_doubts besides TACTILED_DOUBT_MOVES is set. Since 1.6 */
+    TACTILED_WARN_JAWS = 1 << 8,   /* a bit of weight_doubts besides TACTILED_DOUBT_MOVES is set. Since 1.6 */
+    TACTILED_WARN_HINTS = 1 << 9   /* gravity, acceleration and gripper state of a PLC expired: not known. Since 1.9 */
 };
 
 /* Commander: index of tactiled_node.command. Each commander numbers its own commands. */

@@ -243,18 +243,22 @@ static inline void tactiled_close(struct tactiled_segment* segment) {
     segment->base = NULL;
 }
 
-/* Copies the newest node record, judged after the copy, or at `now_ns` if that is later. Its grasp and its tool are "not
- * known" if the daemon has ended, if the daemon publishes no grasp (before 1.1), or if the record is older than a sensor's
- * stale_ms, because the grasp then does not reflect that its sensors are silent. Returns 1, or 0 if there is no record. */
-static inline int tactiled_latest_node(const struct tactiled_segment* segment, struct tactiled_node* node, uint64_t now_ns) {
-    enum { kMinMs = 20 }; /* the daemon publishes at least each 10 ms */
+/* Returns the age beyond which the grasp and the tool of a node record are "not known": they then do not reflect that the
+ * sensors are silent. */
+static inline uint32_t tactiled_node_limit_ms(const struct tactiled_segment* segment) {
+    const uint32_t min_ms = 20; /* the daemon publishes at least each 10 ms */
     uint32_t i, limit_ms = segment->watchdog_ms;
-    if (!tactiled_ring_latest(segment->base, &segment->node, node, sizeof *node)) return 0;
     for (i = 0; i < segment->n_sensors; ++i)
         if (segment->stale_ms[i] < limit_ms) limit_ms = segment->stale_ms[i];
-    if (limit_ms < kMinMs) limit_ms = kMinMs;
+    return limit_ms < min_ms ? min_ms : limit_ms;
+}
+/* Copies the newest node record, judged after the copy, or at `now_ns` if that is later. Its grasp and its tool are "not
+ * known" if the daemon has ended, if the daemon publishes no grasp (before 1.1), or if the record is older than
+ * tactiled_node_limit_ms(). Returns 1, or 0 if there is no record. */
+static inline int tactiled_latest_node(const struct tactiled_segment* segment, struct tactiled_node* node, uint64_t now_ns) {
+    if (!tactiled_ring_latest(segment->base, &segment->node, node, sizeof *node)) return 0;
     if (segment->node.record_size < TACTILED_NODE_SIZE_1_1 || !tactiled_is_current(segment) ||
-        !tactiled_is_fresh(node->t_ns, tactiled_judged_ns(now_ns), limit_ms)) {
+        !tactiled_is_fresh(node->t_ns, tactiled_judged_ns(now_ns), tactiled_node_limit_ms(segment))) {
         tactiled_forget_grasp(&node->grasp);
         tactiled_forget_tool(&node->tool);
     }

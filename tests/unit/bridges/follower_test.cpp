@@ -143,7 +143,6 @@ TEST(Words, TopicsAndReasons) {
     EXPECT_EQ(topic_word("1"), "_1");
     EXPECT_EQ(topic_word(""), "_");
     EXPECT_EQ(reason_words(TACTILED_STALE | TACTILED_SATURATED), (std::vector<std::string>{"stale", "saturated"}));
-    EXPECT_EQ(quality_word(TACTILED_BAD), "bad");
     EXPECT_NEAR(wall_s(monotonic_ns()), double(::time(nullptr)), 1.1);
 }
 

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "node/bridges/mqtt_discovery.hpp"
+
 namespace tactiled::bridges::mqtt {
 namespace {
 
@@ -20,19 +22,20 @@ tactiled_sample good(double fz_N) {
 }
 
 TEST(MqttMessage, AnUnknownValueIsNull) {
-    const auto message = nlohmann::json::parse(wrench_text({good(-3), 4, 1}));
+    const auto message = nlohmann::json::parse(wrench_text({good(-3), 4, 1}, monotonic_ns() + 100'000'000));
     EXPECT_EQ(message["force_N"], nlohmann::json::array({0.0, 0.0, -3.0}));
     EXPECT_EQ(message["torque_Nm"], nlohmann::json::array({nullptr, nullptr, nullptr}));
     EXPECT_EQ(message["quality"], "good");
     EXPECT_EQ(message["samples"], 4);
     EXPECT_EQ(message["bad"], 1);
     EXPECT_NEAR(message["t_s"], double(::time(nullptr)), 1.1);
+    EXPECT_NEAR(double(message["valid_until_s"]) - double(message["t_s"]), 0.1, 0.01);
 }
 
 TEST(MqttMessage, ABadSampleHasNoNumbers) {
     tactiled_sample s = good(-3);
     tactiled_invalidate(&s, TACTILED_STALE);
-    const auto message = nlohmann::json::parse(wrench_text({s, 1, 1}));
+    const auto message = nlohmann::json::parse(wrench_text({s, 1, 1}, s.t_ns));
     EXPECT_EQ(message["force_N"], nlohmann::json::array({nullptr, nullptr, nullptr}));
     EXPECT_EQ(message["reasons"], nlohmann::json::array({"stale"}));
 }
@@ -40,40 +43,90 @@ TEST(MqttMessage, ABadSampleHasNoNumbers) {
 TEST(MqttMessage, AGraspThatIsNotKnownHasNoWeight) {
     tactiled_grasp grasp{};
     tactiled_forget_grasp(&grasp);
-    const auto message = nlohmann::json::parse(grasp_text(grasp));
+    const auto message = nlohmann::json::parse(grasp_text(grasp, TACTILED_GOOD));
     EXPECT_EQ(message["state"], "unknown");
-    EXPECT_TRUE(message["weight_kg"].is_null());
+    EXPECT_EQ(message["quality"], "bad");
+    const auto weight = nlohmann::json::parse(weight_text(grasp, TACTILED_GOOD, {}));
+    EXPECT_TRUE(weight["weight_kg"].is_null());
+    EXPECT_EQ(weight["quality"], "bad");
 }
 
-TEST(MqttMessage, DiscoveryNamesTheMeasuredComponentsAlone) {
+TEST(MqttMessage, AWeightNamesItsDoubtsAndJaws) {
+    tactiled_grasp grasp{};
+    grasp.state = TACTILED_GRIP_HOLDING;
+    grasp.weight_state = TACTILED_WEIGHT_ESTIMATING;
+    grasp.weight_kg = 0.2;
+    grasp.weight_doubts = TACTILED_DOUBT_BALANCE | TACTILED_DOUBT_LATE;
+    grasp.doubtful = 2;
+    const auto weight = nlohmann::json::parse(weight_text(grasp, TACTILED_GOOD, {"left", "right"}));
+    EXPECT_EQ(weight["quality"], "uncertain");
+    EXPECT_EQ(weight["doubts"], nlohmann::json::array({"balance", "late"}));
+    EXPECT_EQ(weight["doubtful"], nlohmann::json::array({"right"}));
+    EXPECT_NEAR(double(weight["valid_until_s"]) - double(weight["t_s"]), 2, 0.001);
+    EXPECT_EQ(without_times(weight_text(grasp, TACTILED_GOOD, {})), without_times(weight_text(grasp, TACTILED_GOOD, {})));
+}
+
+TEST(MqttMessage, AWrenchOnTheGripperHasItsReasons) {
+    tactiled_tool tool{};
+    tool.t_ns = monotonic_ns();
+    tool.quality = TACTILED_GOOD;
+    tool.why = TACTILED_TOOL_GRAVITY | TACTILED_TOOL_APART;
+    tactiled_forget_tool(&tool);
+    const auto message = nlohmann::json::parse(tool_text(tool, tool.t_ns));
+    EXPECT_EQ(message["quality"], "bad");
+    EXPECT_EQ(message["reasons"], nlohmann::json::array({"gravity", "apart"}));
+    EXPECT_EQ(message["force_N"], nlohmann::json::array({nullptr, nullptr, nullptr}));
+}
+
+TEST(MqttDiscovery, NamesTheMeasuredComponentsAndTheQuality) {
     tactiled_sensor sensor{};
     std::string("left").copy(sensor.name, 31);
     sensor.components = 0b000111;
     const auto messages = discovery("homeassistant", {"tactiled", "gripper-7"}, sensor);
-    ASSERT_EQ(messages.size(), 3u);
+    ASSERT_EQ(messages.size(), 4u);
     EXPECT_EQ(messages[2].first, "homeassistant/sensor/tactiled_gripper_7_left/Fz/config");
     const auto text = nlohmann::json::parse(messages[2].second);
     EXPECT_EQ(text["state_topic"], "tactiled/gripper-7/left/wrench");
     EXPECT_EQ(text["value_template"], "{{ value_json.force_N[2] }}");
+    EXPECT_EQ(messages[3].first, "homeassistant/sensor/tactiled_gripper_7_left/quality/config");
+}
+
+TEST(MqttDiscovery, EachEntityEndsWithTheStateAndExpires) {
+    const Topics topics{"tactiled", "gripper"};
+    tactiled_sensor sensor{};
+    std::string("left").copy(sensor.name, 31);
+    sensor.components = 0b111111;
+    auto messages = discovery("ha", topics, sensor);
+    for (auto& message : discovery("ha", topics, true, true)) messages.push_back(message);
+    EXPECT_EQ(messages.size(), 7u + 3u + 6u + 1u);
+    EXPECT_EQ(discovery("ha", topics, false, false).size(), 1u);  // the faults
+    for (const auto& [topic, text] : messages) {
+        const auto entity = nlohmann::json::parse(text);
+        EXPECT_EQ(entity["expire_after"], 2) << topic;
+        EXPECT_EQ(entity["availability_mode"], "all") << topic;
+        EXPECT_EQ(entity["availability"][0]["topic"], "tactiled/gripper/state") << topic;
+        ASSERT_EQ(entity["availability"].size(), 2u) << topic;
+        EXPECT_NE(entity["availability"][1]["topic"], "tactiled/gripper/state") << topic << ": it is retained";
+    }
 }
 
 TEST(Deadband, LeavesSmallMovesOutAndAddsThemUp) {
-    Deadband band(0.1, 0.1, 10);
+    Deadband band(0.1, 0.1);
     std::uint64_t now_ns = 1'000'000'000'000;
     EXPECT_TRUE(band.passes(good(0), now_ns));
     EXPECT_FALSE(band.passes(good(0.06), now_ns));
     EXPECT_TRUE(band.passes(good(0.12), now_ns));
-    EXPECT_FALSE(band.passes(good(0.12), now_ns + 9'000'000'000));
-    EXPECT_TRUE(band.passes(good(0.12), now_ns + 10'000'000'000));
+    EXPECT_FALSE(band.passes(good(0.12), now_ns + kRenewNs - 1));
+    EXPECT_TRUE(band.passes(good(0.12), now_ns + kRenewNs));
     tactiled_sample bad = good(0.12);
     tactiled_invalidate(&bad, TACTILED_STALE);
-    EXPECT_TRUE(band.passes(bad, now_ns + 10'000'000'001));
-    EXPECT_FALSE(band.passes(bad, now_ns + 10'000'000'002));
-    EXPECT_TRUE(band.passes(good(0.12), now_ns + 10'000'000'003));
+    EXPECT_TRUE(band.passes(bad, now_ns + kRenewNs + 1));
+    EXPECT_FALSE(band.passes(bad, now_ns + kRenewNs + 2));
+    EXPECT_TRUE(band.passes(good(0.12), now_ns + kRenewNs + 3));
 }
 
 TEST(Deadband, OfZeroLetsEachSampleOfAKnownValuePass) {
-    Deadband band(0, 0, 10);
+    Deadband band(0, 0);
     EXPECT_TRUE(band.passes(good(1), 1));
     EXPECT_TRUE(band.passes(good(1), 2));
 }

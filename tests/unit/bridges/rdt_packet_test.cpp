@@ -78,13 +78,5 @@ TEST(RdtPacket, AForceBeyondTheCountsIsNoRecord) {
     EXPECT_FALSE(encode(0, 0, 0, values, {}));
 }
 
-TEST(RdtPacket, OnlyASaturatedChannelSetsTheStatus) {
-    tactiled_sample s = good();
-    s.reasons = TACTILED_OUTSIDE_DOMAIN;
-    EXPECT_EQ(status_of(s), 0u);
-    s.reasons |= TACTILED_SATURATED;
-    EXPECT_EQ(status_of(s), 0x80020000u);
-}
-
 }  // namespace
 }  // namespace tactiled::bridges::rdt

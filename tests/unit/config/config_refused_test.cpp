@@ -39,6 +39,9 @@ TEST(ConfigRefused, WhoMayConnectIsNamedByAddress) {
     EXPECT_EQ(of_table("[modbus]\nlisten = '0.0.0.0:502'").substr(0, 49),
               "t.toml:2: [modbus]: listen = \"0.0.0.0:502\" is ope");
     EXPECT_EQ(of_table("[modbus]\nlisten = ''"), "");
+    EXPECT_EQ(of_table("[modbus]\nhints_expire_ms = 9"),
+              "t.toml:2: [modbus]: hints_expire_ms = 9 is outside 10 .. 60000; 0 = never");
+    EXPECT_EQ(of_table("[modbus]\nhints_expire_ms = 10"), "");
     EXPECT_EQ(of_table("[modbus]\ncommand_allow = ['10.0.0.1/32']"),
               "t.toml:2: [modbus]: command_allow has no effect without commands = true");
     EXPECT_EQ(of_table("[modbus]\ncommands = true\ncommand_allow = ['10.0.0.1/32']"), "");

@@ -33,6 +33,7 @@ TEST(Config, HasDefaults) {
     EXPECT_EQ(c.modbus.listen, "127.0.0.1:1502");
     EXPECT_TRUE(c.modbus.allow.empty());
     EXPECT_EQ(c.modbus.max_clients, 8);
+    EXPECT_EQ(c.modbus.hints_expire_ms, 2000);
     EXPECT_EQ(c.shm.group, "");
     EXPECT_EQ(c.shm.history, 0);  // automatic: within 1 MB
     ASSERT_EQ(c.links.size(), 1u);
@@ -63,7 +64,7 @@ TEST(Config, ReadsEveryKey) {
         "[node]\nname = 'a.b_c-1'\nwatchdog_ms = 10\ncontrol = '/tmp/x'\n[realtime]\npriority = 1\ncpu = 1023\nlock_memory "
         "= false\n"
         "required = true\nperiod_us = 50\n[modbus]\nlisten = '0.0.0.0:502'\nallow = ['10.0.0.0/8', "
-        "'fd00::/16']\nmax_clients = 64\n"
+        "'fd00::/16']\nmax_clients = 64\nhints_expire_ms = 0\n"
         "[shm]\ngroup = 'robots'\nhistory = 64\n[[link]]\nname = 'l'\ndriver = 'd'\nsimulated = true\n[[sensor]]\nname = "
         "'s'\nlink = 'l'\n"
         "device = 65535\nchannels = ['a', '-', '-']\ncounts_per_unit = 0.5\nsaturates_at = [-2, 3]\nmodel = "
@@ -84,6 +85,7 @@ TEST(Config, ReadsEveryKey) {
     EXPECT_EQ(c.modbus.listen, "0.0.0.0:502");
     EXPECT_EQ(c.modbus.allow, (Lines{"10.0.0.0/8", "fd00::/16"}));
     EXPECT_EQ(c.modbus.max_clients, 64);
+    EXPECT_EQ(c.modbus.hints_expire_ms, 0);
     EXPECT_EQ(c.shm.group, "robots");
     EXPECT_EQ(c.shm.history, 64);
     ASSERT_EQ(c.links.size(), 1u);

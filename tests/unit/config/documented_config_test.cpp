@@ -61,7 +61,7 @@ TEST(DocumentedConfig, ShowsEveryKeyWithAComment) {
             EXPECT_NE(text.substr(at + 1, text.find('\n', at + 1) - at).find("  # "), std::string::npos) << key;
         }
     }
-    EXPECT_EQ(n_keys, 108u);
+    EXPECT_EQ(n_keys, 109u);
 }
 
 // Returns the comment of each key at its first place in its table, on one line; "" if the key has none.
@@ -113,6 +113,7 @@ TEST(DocumentedConfig, NamesTheDefaults) {
     EXPECT_EQ(a.modbus.listen, b.modbus.listen);
     EXPECT_EQ(a.modbus.allow, b.modbus.allow);
     EXPECT_EQ(a.modbus.max_clients, b.modbus.max_clients);
+    EXPECT_EQ(a.modbus.hints_expire_ms, b.modbus.hints_expire_ms);
     EXPECT_EQ(a.shm.group, b.shm.group);
     EXPECT_EQ(a.modbus.max_requests_per_s, b.modbus.max_requests_per_s);
     EXPECT_EQ(a.modbus.commands, b.modbus.commands);

@@ -74,11 +74,12 @@ protected:
     int put(unsigned at, unsigned value, std::uint64_t now_ns = kSecond) {
         return ask({6, std::uint8_t(at >> 8), std::uint8_t(at), std::uint8_t(value >> 8), std::uint8_t(value)}, now_ns);
     }
-    int put(unsigned at, const std::vector<unsigned>& values) {
+    int put(unsigned at, const std::vector<unsigned>& values) { return put_at(at, values, kSecond); }
+    int put_at(unsigned at, const std::vector<unsigned>& values, std::uint64_t now_ns) {
         Bytes pdu{16, std::uint8_t(at >> 8),       std::uint8_t(at),
                   0,  std::uint8_t(values.size()), std::uint8_t(2 * values.size())};
         for (const unsigned v : values) pdu.insert(pdu.end(), {std::uint8_t(v >> 8), std::uint8_t(v)});
-        return ask(pdu);
+        return ask(pdu, now_ns);
     }
     std::array<std::uint16_t, kGlobalSize> global(std::uint64_t now_ns = kSecond) {
         std::array<std::uint16_t, kGlobalSize> out{};

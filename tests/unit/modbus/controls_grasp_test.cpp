@@ -155,16 +155,19 @@ TEST_F(GraspControls, WhatASilentPlcReportedIsForgotten) {
     controls_->tick(kSecond + 100'000'000);
     nothing_was_sent();
     controls_->tick(kSecond + 100'000'001);
-    EXPECT_EQ(sent().gripper, grasp::Hint::none);
-    EXPECT_TRUE(std::isnan(sent().robot_G_m_s2[0]));
+    EXPECT_EQ(sent().kind, Command::Kind::robot_is_silent);
     controls_->tick(kSecond + 200'000'000);
     nothing_was_sent();  // once
+    for (const unsigned at : {5040u, 5041u, 5042u}) EXPECT_EQ(cell(at), kNoI16) << at;
+    EXPECT_EQ(cell(kGripperState), kNoU16);
+    EXPECT_EQ(put(kGravityX + 2, std::uint16_t(-9810), 2 * kSecond), kNone);  // X and Y were those of an old direction
+    EXPECT_TRUE(std::isnan(sent().robot_G_m_s2[0]));
 }
 
 TEST_F(GraspControls, NoHintIsSentThatNobodyWrote) {
     controls_->tick(kSecond);
-    nothing_was_sent();  // GRIPPER_STATE reads 0, open, before any write
-    EXPECT_EQ(cell(kGripperState), 0);
+    nothing_was_sent();
+    EXPECT_EQ(cell(kGripperState), kNoU16);
 }
 
 TEST_F(GraspControls, SensitivityAndWindowReachThePipeline) {

@@ -161,6 +161,27 @@ TEST_F(GraspingTest, GravityThatIsNotKnownAnyMoreIsNoWeight) {
     EXPECT_TRUE(std::isnan(grasping_.state().weight_kg));
 }
 
+TEST_F(GraspingTest, TheSilenceOfTheRobotEndsAGravityThatItReportedAndNoConfiguredOne) {
+    hold_200_g();
+    EXPECT_TRUE(grasping_.carry_out(command(Command::Kind::robot_is_silent)));
+    EXPECT_TRUE(grasping_.robot_is_silent());
+    observe(5, -0.981, 20);
+    EXPECT_NEAR(grasping_.state().weight_kg, 0.2, 0.002);
+    Command gravity = command(Command::Kind::gravity);
+    gravity.robot_G_m_s2 = {0, 0, -9.81};
+    EXPECT_TRUE(grasping_.carry_out(gravity));
+    EXPECT_FALSE(grasping_.robot_is_silent());
+    observe(5, -0.981, 20);
+    EXPECT_NEAR(grasping_.state().weight_kg, 0.2, 0.002);
+    EXPECT_TRUE(grasping_.carry_out(command(Command::Kind::robot_is_silent)));
+    observe(5, -0.981, 20);
+    EXPECT_EQ(grasping_.state().weight_state, unsigned(TACTILED_WEIGHT_NOT_OBSERVABLE));
+    EXPECT_TRUE(std::isnan(grasping_.state().weight_kg));
+    Grasping next(two_jaws());
+    next.succeed(grasping_);
+    EXPECT_TRUE(next.robot_is_silent());
+}
+
 TEST_F(GraspingTest, ObjectsAreReplacedAllAtOnce) {
     hold_200_g();
     TaughtObject nut;
