@@ -37,7 +37,6 @@ OUTPUTS = FORCES + WEIGHTS
 # Cells in which a value that looks healthy is shown today: the test fails for another one, and for one of these that no longer is.
 AWAY = ["bridge stopped", "broker killed", "broker stopped", "network cut"]
 OPEN = {(output, column) for output, columns in {
-    "PLC text": ["daemon killed", "daemon stopped", "daemon restarts", "network cut"],  # its age is counted in calls
     "MQTT": ["bridge killed", *AWAY, LATER],  # no expiry
     "MQTT, weight": ["bridge killed", *AWAY, LATER],
     "Home Assistant (model)": [*AWAY, UNSURE, LATER],  # expire_after 60 s, and forces without their quality
@@ -144,7 +143,7 @@ Each output of the product beside each way in which its data can end or become d
 {table}
 
 Home Assistant and Prometheus are models of their use of messages and queries. The PLC runs the printed text
-in an interpreter; for UNCERTAIN it reads the last registers of the daemon with the bits of the reason. Pins
+in an interpreter; for UNCERTAIN and weights it reads the last registers of the daemon with their bits. Pins
 of LinuxCNC are entries of a file. UNCERTAIN comes from a forged segment, through the real bridges and
 readers; so does the weight. DDS finds its readers by multicast, which the test cannot cut.
 """

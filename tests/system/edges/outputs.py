@@ -1,57 +1,16 @@
-"""The outputs of the product: with mqtt.py the one place that knows their fields for value, quality, time and expiry."""
+"""The outputs of the product: with mqtt.py and plc.py the one place that knows their fields for value, quality, time and expiry."""
 import http.client
 import json
-import math
 import socket
 import struct
-import subprocess
 import time
 
 import tactiled
 from promql import Store, panel, rules
-from st.interpreter import Program
 
 from edges.mqtt import HomeAssistant, Mqtt, MqttWeight
 from edges.output import GOOD, SENSOR, Output
-
-
-class Plc(Output):
-    """The printed function block, called after each read, as its first comment says; its outputs keep their values between calls."""
-    name, needs = "PLC text", {"sensor", "daemon", "network"}
-    lasts_s = math.inf
-    text = None
-
-    def open(self):
-        Plc.text = Plc.text or subprocess.run([self.rig.bin / "tactilectl", "map", "--format", "st", "--sensors", "1"], capture_output=True, text=True, check=True).stdout
-        self.block, self.socket = Program(Plc.text).instance("FB_TACTILED"), None
-        self.thread(self.cycle)
-
-    def cycle(self):
-        time.sleep(0.03)
-        self.call(*(self.rig.forged_registers() or (self.read(0, 32), self.read(100, 25))))
-
-    def read(self, at, count):
-        try:
-            self.socket = self.socket or socket.create_connection(("127.0.0.1", self.rig.modbus), 0.3)
-            self.socket.settimeout(0.3)
-            self.socket.sendall(struct.pack(">HHHBBHH", 1, 0, 6, 1, 4, at, count))
-            answer = b""
-            while len(answer) < 9 + 2 * count:
-                if not (data := self.socket.recv(300)):
-                    raise OSError
-                answer += data
-            return list(struct.unpack(f">{count}H", answer[9:]))
-        except OSError:
-            if self.socket:
-                self.socket.close()
-            self.socket = None
-            raise
-
-    def call(self, node, cells):
-        self.rig.registers = (node, cells)
-        self.block.call(GLOBAL_REGS=node, SENSOR_REGS=cells, CALLS_PER_SECOND=20)
-        usable = self.block.value("VALID") and self.block.value("SENSOR[0].OK")
-        self.show((self.block.value("SENSOR[0].FZ_N"), None) if usable else None)
+from edges.plc import Plc, PlcWeight
 
 
 class Prometheus(Output):
@@ -225,4 +184,4 @@ class Cpp(C):
 
 
 FORCES = [Plc, Mqtt, HomeAssistant, Prometheus, Rules, Dds, Rdt, LinuxCnc, Web, Api, Python, C, Cpp]
-WEIGHTS = [MqttWeight, PrometheusWeight, ApiWeight]  # where the node holds an object
+WEIGHTS = [PlcWeight, MqttWeight, PrometheusWeight, ApiWeight]  # a node that holds an object

@@ -10,6 +10,7 @@ import time
 from bridge_process import Process
 from daemon import BIN, ROOT, free_port, halt, wait_for
 from forged_node import FAULTS, ForgedNode
+from plc_view import GOOD, SENSOR, UNCERTAIN, View
 from unit_daemon import CONFIG, play, quality_is, unit_daemon
 from edges.relays import Network
 
@@ -17,7 +18,7 @@ BROKER = shutil.which("mosquitto") or "/usr/sbin/mosquitto"
 NEEDED = [BIN / name for name in ("tactiled-mqtt", "tactiled-dds", "tactiled-rdt", "tactiled-web", "fastdds_reader")] + [pathlib.Path(BROKER)]
 HERE = pathlib.Path(__file__).parent
 STALE_MS = 500
-SENSOR_GOOD, SENSOR_UNCERTAIN = 0x0001, 0x1000
+VIEW_FAULT = SENSOR[0] + 2
 
 
 class Rig:
@@ -26,7 +27,7 @@ class Rig:
     def __init__(self):
         self.daemon = unit_daemon(config=CONFIG.replace("stale_ms = 2000", f"stale_ms = {STALE_MS}"))
         self.node, self.folder = self.daemon.name, self.daemon.folder
-        self.network, self.parts, self.forged, self.registers, self.forging = Network(), {}, None, None, None
+        self.network, self.forged, self.registers, self.is_silent = Network(), None, None, False
         self.broker_port, web, rdt = free_port(), free_port(), free_port()
         (self.folder / "broker.conf").write_text(f"persistence false\nlistener {self.broker_port} 127.0.0.1\nallow_anonymous true\n")
         self.modbus, self.mqtt = self.network.tcp(self.daemon.port), self.network.tcp(self.broker_port)
@@ -111,52 +112,54 @@ class Rig:
 
     def forge(self):
         data = self.daemon.segment.read_bytes()
-        self.forging = (*self.registers, time.monotonic())
+        self.view = View(sensors=1)
+        self.view.cells = list(self.registers)
         self.daemon.stop()
         self.forged = ForgedNode(self.node, data)
 
     def forged_registers(self):
-        """The daemon that answers a PLC has ended: its last registers go on, with the STATUS and FAULT that MAP.md states for the reason."""
-        if self.forging is None:
+        """The daemon that answers a PLC has ended: its last registers go on, with the bits that MAP.md states."""
+        if self.forged is None:
             return None
-        node, cells, began_s = self.forging
-        tenths = int((time.monotonic() - began_s) * 10)
-        node, cells = list(node), list(cells)
-        node[5], cells[0], cells[24] = (node[5] + tenths) % 65536, (cells[0] + 20 * tenths) % 65536, (cells[24] + 20 * tenths) % 65536
-        if self.reason is not None:
-            cells[1] = cells[1] & ~SENSOR_GOOD | SENSOR_UNCERTAIN
-            cells[2] = self.reason
-        return node, cells
+        if self.network.is_cut or self.is_silent:
+            raise ConnectionError
+        return self.view.answer()
 
-    reason = None
+    def doubt(self, bit):
+        self.view.judge(UNCERTAIN, [0])
+        self.view.cells[VIEW_FAULT] = FAULTS[bit]
+        self.forged.show(bit)
+
+    def believe(self, _):
+        self.view.judge(GOOD, [0])
+        self.view.cells[VIEW_FAULT] = 0
+        self.forged.show(0)
 
     def hold(self):
         """From now on the node holds an object of a stable weight, and the sensor is good."""
         self.believe(None)
         self.forged.show_grasp(state=4, weight_state=2, weight_kg=0.2, weight_sd_kg=0.002, weight_doubts=0)
+        self.view.weigh(2, 2000, 20)
 
     def doubt_weight(self, bit):
         self.forged.show_grasp(weight_state=1, weight_doubts=bit)
+        self.view.weigh(1, 2000, 20)
 
     def believe_weight(self, _):
-        self.forged.show_grasp(weight_state=2, weight_doubts=0)
+        self.hold()
 
     def stop_forging(self, _):
+        self.is_silent = True
         self.forged.lock.acquire()
 
     def forge_on(self, _):
+        self.is_silent = False
         self.forged.lock.release()
-
-    def doubt(self, bit):
-        self.reason = FAULTS[bit]
-        self.forged.show(bit)
-
-    def believe(self, _):
-        self.reason = None
-        self.forged.show(0)
 
     def close(self):
         self.network.close()
+        if self.is_silent:
+            self.forge_on(None)
         if self.forged:
             self.forged.__exit__()
         for process in [*self.bridges.values(), self.broker]:
