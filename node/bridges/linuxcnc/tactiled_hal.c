@@ -3,8 +3,9 @@
  *     cc -O2 -DULAPI -I/usr/include/linuxcnc -o tactiled_hal tactiled_hal.c -llinuxcnchal
  *     loadusr -W ./tactiled_hal gripper left        in a .hal file: node, sensor
  *
- * tactiled.left.valid is TRUE only while the value is good, or uncertain and not refused by good-only. Wire it into the
- * chain that stops the machine. While it is FALSE the forces are NaN, never the last value. This is no safety function.
+ * tactiled.left.valid is TRUE only while the value is good; with accept-uncertain = TRUE also while it is uncertain, which
+ * the pin `uncertain` shows. Wire `valid` into the chain that stops the machine. While it is FALSE the forces are NaN, never
+ * the last value. This is no safety function.
  * Forces and torques are what the world exerts on the sensor, frame S: z out of the skin, so a press has fz < 0. */
 #include <hal.h>
 #include <math.h>
@@ -13,15 +14,16 @@
 #include <tactiled/reader.h>
 
 struct pins {
-    hal_float_t* axis[6]; /* fx fy fz in N, mx my mz in Nm */
-    hal_float_t* sd[3];   /* one standard uncertainty of fx fy fz, N */
-    hal_float_t* age_s;   /* age of the newest sample, also while it is not valid */
-    hal_bit_t* valid;     /* the forces may be used */
-    hal_bit_t* good;      /* quality GOOD */
-    hal_bit_t* contact;   /* the magnitude has passed contact_on_N */
-    hal_u32_t* reasons;   /* enum tactiled_reason */
-    hal_u32_t* sequence;  /* counts the sensor's samples */
-    hal_bit_t* good_only; /* in: uncertain values are not valid, either */
+    hal_float_t* axis[6];        /* fx fy fz in N, mx my mz in Nm */
+    hal_float_t* sd[3];          /* one standard uncertainty of fx fy fz, N */
+    hal_float_t* age_s;          /* age of the newest sample, also while it is not valid */
+    hal_bit_t* valid;            /* the forces may be used */
+    hal_bit_t* good;             /* quality GOOD */
+    hal_bit_t* uncertain;        /* the value has a weakness, which `reasons` names; it is valid on request alone */
+    hal_bit_t* contact;          /* the magnitude has passed contact_on_N */
+    hal_u32_t* reasons;          /* enum tactiled_reason */
+    hal_u32_t* sequence;         /* counts the sensor's samples */
+    hal_bit_t* accept_uncertain; /* in: uncertain values are valid, too */
 };
 
 static volatile sig_atomic_t ended;
@@ -39,20 +41,22 @@ static int make_pins(struct pins* p, int component, const char* sensor) {
     failed |= hal_pin_float_newf(HAL_OUT, &p->age_s, component, "tactiled.%s.age-s", sensor);
     failed |= hal_pin_bit_newf(HAL_OUT, &p->valid, component, "tactiled.%s.valid", sensor);
     failed |= hal_pin_bit_newf(HAL_OUT, &p->good, component, "tactiled.%s.good", sensor);
+    failed |= hal_pin_bit_newf(HAL_OUT, &p->uncertain, component, "tactiled.%s.uncertain", sensor);
     failed |= hal_pin_bit_newf(HAL_OUT, &p->contact, component, "tactiled.%s.contact", sensor);
     failed |= hal_pin_u32_newf(HAL_OUT, &p->reasons, component, "tactiled.%s.reasons", sensor);
     failed |= hal_pin_u32_newf(HAL_OUT, &p->sequence, component, "tactiled.%s.sequence", sensor);
-    failed |= hal_pin_bit_newf(HAL_IN, &p->good_only, component, "tactiled.%s.good-only", sensor);
+    failed |= hal_pin_bit_newf(HAL_IN, &p->accept_uncertain, component, "tactiled.%s.accept-uncertain", sensor);
     return failed == 0;
 }
 
 /* The forces first become NaN, then `valid`, and the other way round for a value: a realtime thread that reads the pins
  * meanwhile finds no old force with valid = TRUE. */
 static void show(const struct pins* p, const struct tactiled_sample* s) {
-    const int uncertain = s->quality == TACTILED_UNCERTAIN && !*p->good_only;
-    const int valid = s->quality == TACTILED_GOOD || uncertain;
+    const int uncertain = s->quality == TACTILED_UNCERTAIN;
+    const int valid = s->quality == TACTILED_GOOD || (uncertain && *p->accept_uncertain);
     int i;
     if (!valid) *p->valid = 0;
+    if (uncertain) *p->uncertain = 1; /* before the forces, and cleared after them */
     for (i = 0; i < 3; ++i) {
         *p->axis[i] = valid ? s->force_S_N[i] : (double)NAN;
         *p->axis[3 + i] = valid ? s->torque_S_Nm[i] : (double)NAN;
@@ -60,6 +64,7 @@ static void show(const struct pins* p, const struct tactiled_sample* s) {
     }
     *p->age_s = s->t_ns == 0 ? (double)NAN : (double)(tactiled_now_ns() - s->t_ns) / 1e9;
     *p->good = s->quality == TACTILED_GOOD;
+    *p->uncertain = uncertain;
     *p->contact = valid && (s->state & TACTILED_CONTACT) != 0;
     *p->reasons = s->reasons;
     *p->sequence = (uint32_t)s->sequence;
@@ -88,7 +93,7 @@ int main(int argc, char** argv) {
         hal_exit(component);
         return 1;
     }
-    *pins->good_only = 0;
+    *pins->accept_uncertain = 0;
     /* A daemon that is not there yet, or starts again, is waited for. */
     tactiled_reader_init(&reader, argv[1], argv[2]);
     tactiled_reader_latest(&reader, &sample);
