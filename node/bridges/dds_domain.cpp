@@ -17,9 +17,9 @@ constexpr char kWrenchHash[] = "typehash=RIHS01_8dc3deaf06b2ab281f9f9a742a8961c3
 constexpr char kDiagnosticsHash[] = "typehash=RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e;";
 constexpr char kGraspHash[] = "typehash=RIHS01_c538df5ecbe1df0c9f0a187a87ae69c5ae8fbfa0b0d3d7f4a86c53fc0d4885e7;";
 
-// Samples that a writer keeps for readers that have lost them. A reader learns of its loss from the next heartbeat,
-// which comes after 100 ms at the latest: 100 samples at 1 kHz. An older one is not worth sending again.
-constexpr std::int32_t kDepth = 100;
+// Samples that a writer keeps for readers that have lost them, such as one that did not run while the buffer of its socket
+// was full: those of 1 s at 1 kHz. An older value may not be shown as a healthy one, so sending it again has no use.
+constexpr std::int32_t kDepth = 1000;
 
 dds_entity_t require(dds_entity_t result, const std::string& what) {
     if (result < 0) throw SetupError(fmt::format("DDS, {}: {}", what, dds_strretcode(result)));

@@ -31,11 +31,21 @@ MHD_Result respond(MHD_Connection* connection, unsigned status, const char* type
     return result;
 }
 
+// False: a page of a browser that reached this address by a name of its own (DNS rebinding).
+bool is_address(const char* host) {
+    if (host == nullptr) return true;
+    std::string text = host;
+    if (text.find(':') == text.npos || text.back() == ']') text += ":80";
+    return text.rfind("localhost:", 0) == 0 || check_listen_address(text).fault.empty();
+}
+
 MHD_Result on_request(void* xml, MHD_Connection* connection, const char* path, const char* method, const char*, const char*,
                       std::size_t* size, void**) {
     if (*size != 0) return MHD_NO;  // no request has a body
     if (std::strcmp(method, MHD_HTTP_METHOD_GET) != 0 && std::strcmp(method, MHD_HTTP_METHOD_HEAD) != 0)
         return respond(connection, MHD_HTTP_METHOD_NOT_ALLOWED, "text/plain", "GET or HEAD\n");
+    if (!is_address(MHD_lookup_connection_value(connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_HOST)))
+        return respond(connection, MHD_HTTP_FORBIDDEN, "text/plain", "ask by address or as localhost\n");
     if (std::strcmp(path, "/netftapi2.xml") != 0)
         return respond(connection, MHD_HTTP_NOT_FOUND, "text/plain", "the only page is /netftapi2.xml\n");
     return respond(connection, MHD_HTTP_OK, "text/xml", (*static_cast<const std::function<std::string()>*>(xml))());

@@ -8,6 +8,7 @@
 #include <iterator>
 #include <limits>
 
+#include "node/bridges/edge.hpp"
 #include "node/ctl/grasp_text.hpp"
 #include "node/ctl/status_text.hpp"
 #include "node/ctl/verb.hpp"
@@ -52,12 +53,6 @@ private:
 
 std::string label(const char* key, std::string_view value) { return fmt::format("{}=\"{}\"", key, escaped(value)); }
 
-// A stable weight is GOOD; one that still changes, or is doubted, is UNCERTAIN; the other states have no weight.
-std::uint32_t quality_of_weight(const tactiled_grasp& g) {
-    if (g.weight_state == TACTILED_WEIGHT_STABLE) return TACTILED_GOOD;
-    return g.weight_state == TACTILED_WEIGHT_ESTIMATING ? TACTILED_UNCERTAIN : TACTILED_BAD;
-}
-
 std::uint32_t worst_quality(const View& view) {
     std::uint32_t worst = TACTILED_GOOD;
     for (std::uint32_t i = 0; i < view.n_sensors(); ++i) {
@@ -71,12 +66,12 @@ std::uint32_t worst_quality(const View& view) {
 // BAD, which has no sample.
 std::string mark(std::uint32_t quality) {
     const bool has_value = quality == TACTILED_GOOD || quality == TACTILED_UNCERTAIN;
-    return has_value ? label("quality", ctl::quality_text(quality, 0)) : "";
+    return has_value ? label("quality", bridges::edge_of(quality).word) : "";
 }
 
 void put_qualities(Page& page, const std::string& labels, std::uint32_t quality) {
     for (const std::uint32_t each : {TACTILED_NO_VALUE, TACTILED_GOOD, TACTILED_UNCERTAIN, TACTILED_BAD})
-        page.sample(labels + label("quality", ctl::quality_text(each, 0)), quality == each ? 1 : 0);
+        page.sample(labels + label("quality", bridges::edge_of(each).word), quality == each ? 1 : 0);
 }
 
 void put_axes(Page& page, const std::string& labels, std::uint32_t quality, const double (&values)[3]) {
@@ -193,14 +188,16 @@ void put_grasp(Page& page, const View& view) {
         page.sample(label("state", ctl::weight_state_text(state)), g.weight_state == state ? 1 : 0);
     page.metric("tactiled_weight_doubt", "gauge", "1 for each reason for which the weight is not stable.");
     put_bits(page, "", "kind", 8, g.weight_doubts, &ctl::doubts_text);
-    const std::string weight = mark(quality_of_weight(g));
+    const std::uint32_t worst = worst_quality(view);
+    const std::string weight = mark(bridges::weight_quality(g, worst));
     const double none = std::numeric_limits<double>::quiet_NaN();
-    one("tactiled_weight_kilograms", "gauge", "Weight of the object; uncertain: it is not stable; no sample: not known.",
-        weight, weight.empty() ? none : g.weight_kg);
+    one("tactiled_weight_kilograms", "gauge",
+        "Weight of the object; uncertain: not stable, or a sensor is not good; no sample: not known.", weight,
+        weight.empty() ? none : g.weight_kg);
     one("tactiled_weight_uncertainty_kilograms", "gauge", "One standard uncertainty of the weight.", weight,
         weight.empty() ? none : g.weight_sd_kg);
     one("tactiled_grip_newtons", "gauge", "Normal force of a jaw; uncertain: a sensor of the node is not good.",
-        mark(worst_quality(view)), g.state == TACTILED_GRIP_UNKNOWN ? none : double(g.grip_N));
+        mark(bridges::grasp_quality(g, worst)), g.state == TACTILED_GRIP_UNKNOWN ? none : double(g.grip_N));
     one("tactiled_grasps_total", "counter", "Grasps.", "", g.grasps);
     one("tactiled_slips_total", "counter", "Gross slips of all jaws.", "", g.slips);
 }

@@ -215,14 +215,16 @@ class Rdt(unittest.TestCase):
         with self.assertRaises((OSError, http_client.HTTPException)):
             urllib.request.urlopen(f"http://127.0.0.1:{http}/netftapi2.xml", timeout=30)
 
-        def get(address):
+        def get(address, host=f"127.0.0.1:{http}"):
             connection = http_client.HTTPConnection("127.0.0.1", http, timeout=30, source_address=(address, 0))
-            connection.request("GET", "/netftapi2.xml")
+            connection.request("GET", "/netftapi2.xml", headers={"Host": host})
             text = connection.getresponse().read().decode()
             connection.close()
             return text
 
         self.assertIn("<cfgcpf>1000000</cfgcpf>", get("127.0.0.3"))
+        self.assertIn("<cfgcpf>", get("127.0.0.3", "localhost"))
+        self.assertNotIn("<", get("127.0.0.3", "gripper.example"))  # DNS rebinding
         idle = [socket.create_connection(("127.0.0.1", http), source_address=("127.0.0.3", 0)) for _ in range(12)]
         for each in idle:
             self.addCleanup(each.close)

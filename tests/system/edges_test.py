@@ -35,13 +35,7 @@ WEIGHT_DOUBTS = [(word, 1 << bit, "doubt_weight", "believe_weight") for bit, wor
 LATER, UNSURE = "later client", "UNCERTAIN"
 OUTPUTS = FORCES + WEIGHTS
 # Cells in which a value that looks healthy is shown today: the test fails for another one, and for one of these that no longer is.
-AWAY = ["bridge stopped", "broker killed", "broker stopped", "network cut"]
 OPEN = {(output, column) for output, columns in {
-    "MQTT": ["bridge killed", *AWAY, LATER],  # no expiry
-    "MQTT, weight": ["bridge killed", *AWAY, LATER],
-    "Home Assistant (model)": [*AWAY, UNSURE, LATER],  # expire_after 60 s, and forces without their quality
-    "DDS": [UNSURE],  # WrenchStamped has no field for it
-    "RDT": [UNSURE, LATER],  # status 0 for all but `saturated`
     "LinuxCNC": ["bridge killed", "bridge stopped", UNSURE, LATER],  # `valid` for UNCERTAIN; nothing shows the component's end
 }.items() for column in columns}
 

@@ -144,8 +144,8 @@ int main(int argc, char** argv) {
     where.transport().use_builtin_transports = false;
     where.transport().user_transports.push_back(loopback);
     Writers writers;
-    auto* const participant =
-        factory->create_participant(fast::DomainId_t(std::atoi(argv[1])), where, &writers, fast::StatusMask::none());
+    auto* const participant = factory->create_participant(
+        fast::DomainId_t(std::atoi(argv[1])), where, option == "--writers" ? &writers : nullptr, fast::StatusMask::none());
     if (participant == nullptr) return 1;
     auto* const subscriber = participant->create_subscriber(fast::SUBSCRIBER_QOS_DEFAULT);
     Listener listener;

@@ -55,6 +55,7 @@ class ForgedNode:
     """A context manager. `bytes_of_a_segment`: of a daemon that has published. It takes that node's name."""
 
     PERIOD_S = 0.005
+    has_grasp = False
 
     def __init__(self, name, bytes_of_a_segment):
         data = bytearray(bytes_of_a_segment)
@@ -90,6 +91,7 @@ class ForgedNode:
             ring.put("sample", "sd_force_N", *(0.01 + 0 * force for force in force_N))
 
     def show_grasp(self, **members):
+        self.has_grasp = True
         self.put_part("grasp", members)
 
     def show_tool(self, **members):
@@ -111,6 +113,8 @@ class ForgedNode:
             self.node.put("node", "count", *(ring.words[ring.head] for ring in self.sensors), *[0] * (16 - len(self.sensors)))
             self.node.put("node", "sequence", struct.unpack_from("=Q", self.node.record)[0] + 1)
             self.node.put("node", "t_ns", now_ns)
+            if self.has_grasp:
+                self.node.put("grasp", "t_ns", now_ns, at=LAYOUT.offset("node", "grasp"))
             self.node.publish()
 
     def run(self):

@@ -28,7 +28,7 @@ def follow(node, sensor, seconds):
     """(sequence, t_ns, t_published_ns, time in ns at which this reader had it) of each sample."""
     until, seen = time.monotonic() + seconds, []
     for sample in tactiled.open(node).follow(sensor):
-        if sample.t_ns:
+        if sample.t_ns and sample.quality != tactiled.BAD:  # a sample has no value when the scene begins again
             seen.append((sample.sequence, sample.t_ns, sample.t_published_ns, time.monotonic_ns()))
         if time.monotonic() > until:
             return seen

@@ -41,13 +41,13 @@ class Mqtt(Output):
 
 class HomeAssistant(Mqtt):
     """A model of its MQTT sensors: value_template, availability, expire_after. A number of an available entity looks healthy."""
-    name, topics = "Home Assistant (model)", ("homeassistant/#", "tactiled/#")
+    name, topics, unit = "Home Assistant (model)", ("homeassistant/#", "tactiled/#"), "N"
 
     def look(self):
         with self.lock:
             last = dict(self.last)
         for topic, (_, config) in last.items():
-            if topic.startswith("homeassistant/") and config and config.get("unit_of_measurement") == "N":
+            if topic.startswith("homeassistant/") and config and config.get("unit_of_measurement") == self.unit:
                 received_s, message = last.get(config["state_topic"], (0, None))
                 late = time.monotonic() - received_s > config.get("expire_after", math.inf)
                 if message is None or late or not self.is_available(config, last):
@@ -80,7 +80,8 @@ class MqttWeight(Mqtt):
     name, needs = "MQTT, weight", Mqtt.needs - {"sensor"}
 
     def is_about(self, topic):
-        return topic.endswith(("/grasp", "/weight"))
+        return topic.endswith("/weight")
 
-    def is_good(self, message):
-        return message.get("weight_state") == "stable" or ("weight_kg" in message and message.get("quality") == "good")
+
+class HomeAssistantWeight(HomeAssistant):
+    name, needs, unit = "Home Assistant (model), weight", Mqtt.needs - {"sensor"}, "kg"

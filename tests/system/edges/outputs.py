@@ -1,6 +1,7 @@
 """The outputs of the product: with mqtt.py and plc.py the one place that knows their fields for value, quality, time and expiry."""
 import http.client
 import json
+import math
 import socket
 import struct
 import time
@@ -8,7 +9,7 @@ import time
 import tactiled
 from promql import Store, panel, rules
 
-from edges.mqtt import HomeAssistant, Mqtt, MqttWeight
+from edges.mqtt import HomeAssistant, HomeAssistantWeight, Mqtt, MqttWeight
 from edges.output import GOOD, SENSOR, Output
 from edges.plc import Plc, PlcWeight
 
@@ -60,14 +61,29 @@ class Rules(Prometheus):
 
 class Dds(Output):
     """A reader of Fast DDS on the topic of the wrench: each message is used."""
-    name = "DDS"
+    name, topic = "DDS", f"rt/hand/{SENSOR}/wrench"
 
     def open(self):
-        self.lines(self.rig.bin / "fastdds_reader", self.rig.domain, "600", f"rt/hand/{SENSOR}/wrench")
+        self.lines(self.rig.bin / "fastdds_reader", self.rig.domain, "600", self.topic)
 
     def came(self, line):
         _, sent, _, numbers = line.split(" ", 3)
         self.show((float(numbers.split()[2]), int(sent) / 1e9 - time.time() + time.monotonic()))
+
+
+class DdsWeight(Dds):
+    """The topic of the grasp: a message is used until its `valid_until`."""
+    name, needs, topic, lasts_s = "DDS, weight", Dds.needs - {"sensor"}, "rt/hand/grasp", math.inf
+    until_s = 0.0
+
+    def came(self, line):
+        _, sent, _, until, _, _, weight_quality, *_ = line.split(" ")
+        to_clock_s = time.monotonic() - time.time()
+        self.until_s = int(until) / 1e9 + to_clock_s
+        self.show(("weight", int(sent) / 1e9 + to_clock_s) if int(weight_quality) == GOOD else None)
+
+    def look(self):
+        return self.newest if time.monotonic() < self.until_s else None
 
 
 class Rdt(Output):
@@ -184,4 +200,4 @@ class Cpp(C):
 
 
 FORCES = [Plc, Mqtt, HomeAssistant, Prometheus, Rules, Dds, Rdt, LinuxCnc, Web, Api, Python, C, Cpp]
-WEIGHTS = [PlcWeight, MqttWeight, PrometheusWeight, ApiWeight]  # a node that holds an object
+WEIGHTS = [PlcWeight, MqttWeight, HomeAssistantWeight, PrometheusWeight, DdsWeight, ApiWeight]  # a node that holds an object
