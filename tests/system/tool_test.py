@@ -26,7 +26,7 @@ import tactiled  # noqa: E402
 
 G_m_s2, MASS_kg, CENTRE_m, POSITION_m = 9.80665, 0.8, (0.004, 0.012, -0.03), (0.0, 0.0, -0.12)
 ZERO = (3.1, -2.2, 1.4, 0.05, 0.02, -0.08)
-TOOL, TOOL_FLOATS, GRAVITY_X, WARN_HINTS = 60, 2030, 5040, 1 << 9
+TOOL, TOOL_FLOATS, PLC_WATCHDOG, GRAVITY_X, WARN_HINTS = 60, 2030, 5021, 5040, 1 << 9
 CONFIG = """[tool]
 
 [[tool.sensor]]
@@ -50,12 +50,14 @@ def gravity(tilt, towards):
 
 
 class Plc:
-    """Writes gravity, once it has been told, five times a second until it stops; and reads registers."""
+    """Writes gravity, once it has been told, five times a second until it stops; and reads registers. A stall of the machine
+    that is shorter than the watchdog matters to no test but that of the watchdog."""
 
     def __init__(self, port):
         self.client, self.lock = ModbusTcpClient("127.0.0.1", port=port), threading.Lock()
         wait_for(self.client.connect, "the registers")
         self.gravity, self.stopped = None, threading.Event()
+        self.watch(60_000)
         self.thread = threading.Thread(target=self.repeat, daemon=True)
         self.thread.start()
 
@@ -64,11 +66,20 @@ class Plc:
             if self.gravity is not None:
                 self.write(self.gravity)
 
+    def watch(self, ms):
+        wait_for(lambda: self.write_once(PLC_WATCHDOG, [ms]), "the write to be taken")
+
     def write(self, gravity):
+        self.gravity = gravity
+        wait_for(lambda: self.write_once(GRAVITY_X, gravity), "the write to be taken")
+
+    def write_once(self, at, values):
+        """Returns False for "busy", the answer of a daemon that stood still for a second."""
         with self.lock:
-            self.gravity, self.wrote_s = gravity, time.monotonic()
-            answer = self.client.write_registers(GRAVITY_X, gravity, slave=1)
-        assert not answer.isError(), answer
+            self.wrote_s = time.monotonic()
+            answer = self.client.write_registers(at, values, slave=1)
+        assert not answer.isError() or answer.exception_code == 6, answer
+        return not answer.isError()
 
     def read(self, at, count):
         with self.lock:
@@ -181,6 +192,7 @@ class Tool(unittest.TestCase):
         self.fit(6)
         self.turn(0.5, 0.3)
         wait_for(lambda: self.node.tool.quality == tactiled.GOOD, "the sum")
+        self.plc.watch(2000)
         self.plc.stop()
         wait_for(lambda: self.node.tool.quality == tactiled.BAD, "no sum with the gravity of a dead PLC")
         self.assertGreaterEqual(time.monotonic() - self.plc.wrote_s, 2)
@@ -188,9 +200,11 @@ class Tool(unittest.TestCase):
         self.assertEqual(self.plc.read(7, 1)[0] & 0x5000, 0x5000, "STATUS: the PLC is silent, a warning")
         self.assertIn("gravity", tool_json(self.daemon)["why"])
         self.assertEqual(self.plc.client.read_holding_registers(GRAVITY_X, count=3, slave=1).registers, [0x8000] * 3)
-        self.plc.write(self.plc.gravity)
-        wait_for(lambda: self.node.tool.quality == tactiled.GOOD, "the sum of a PLC that is back")
-        wait_for(lambda: not self.plc.read(9, 1)[0] & WARN_HINTS, "the end of the warning")
+
+        def is_back():
+            self.plc.write(self.plc.gravity)
+            return self.node.tool.quality == tactiled.GOOD and not self.plc.read(9, 1)[0] & WARN_HINTS
+        wait_for(is_back, "the sum of a PLC that is back, and the end of the warning")
 
     def test_a_tare_in_one_pose_holds_in_another(self):
         self.fit(6)
