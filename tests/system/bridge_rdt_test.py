@@ -160,9 +160,11 @@ class Rdt(unittest.TestCase):
             records = [client.record() for _ in range(50)]
             self.assertEqual({r[2] for r in records}, {ERROR | 1 << 23})  # not calibrated
             self.assertEqual({tuple(r[3]) for r in records}, {(1, 2, -3, 0, 0, 0)})
-        with bridge("rdt", daemon.name, *words, "--good-only"):
-            client.request(STREAM)
-            self.assertEqual(client.records(0.5), [])
+        with bridge("rdt", daemon.name, *words, "--good-only") as server:
+            other = self.client()
+            other.request(STREAM)
+            wait_for(lambda: "streaming" in server.log(), "the stream")
+            self.assertEqual(other.records(0.5), [])
 
     def test_the_client_that_has_been_silent_for_longest_loses_its_place_to_a_ninth(self):
         server = self.bridge("--zero", "mx,my,mz")

@@ -3,7 +3,7 @@
 // since 1970, frame, and six numbers of a WrenchStamped. Prints each writer to the standard error: topic, reliable or not,
 // user data.
 //     fastdds_reader DOMAIN SECONDS [--best-effort | --writers] TOPIC...     as in DDS: rt/gripper/left/wrench
-//     rt/diagnostics: level, name, message; a topic that ends with /grasp: valid until in ns, quality, state, weight
+//     rt/diagnostics: level, name, message, values; a topic that ends with /grasp: valid until in ns, quality, state, weight
 #include <fastcdr/Cdr.h>
 #include <fastcdr/FastBuffer.h>
 
@@ -89,7 +89,10 @@ private:
             std::uint32_t values = 0;
             cdr >> level >> name >> message >> hardware >> values;
             line += " | " + std::to_string(level) + " " + name + " | " + message;
-            for (; values > 0; --values) cdr >> key >> value;
+            for (; values > 0; --values) {
+                cdr >> key >> value;
+                line += " | " + key + " = " + value;
+            }
         }
         return true;
     }
