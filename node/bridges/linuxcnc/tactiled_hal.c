@@ -5,7 +5,8 @@
  *
  * tactiled.left.valid is TRUE only while the value is good; with accept-uncertain = TRUE also while it is uncertain, which
  * the pin `uncertain` shows. Wire `valid` into the chain that stops the machine. While it is FALSE the forces are NaN, never
- * the last value. This is no safety function.
+ * the last value. If this program is killed or stands still, the pins keep what they have: `heartbeat` then no longer
+ * changes, which the component watchdog of LinuxCNC detects. This is no safety function.
  * Forces and torques are what the world exerts on the sensor, frame S: z out of the skin, so a press has fz < 0. */
 #include <hal.h>
 #include <math.h>
@@ -20,6 +21,7 @@ struct pins {
     hal_bit_t* valid;            /* the forces may be used */
     hal_bit_t* good;             /* quality GOOD */
     hal_bit_t* uncertain;        /* the value has a weakness, which `reasons` names; it is valid on request alone */
+    hal_bit_t* heartbeat;        /* changes each 50 ms: seen by a thread of 1 ms, and twice within a watchdog's 0.1 s */
     hal_bit_t* contact;          /* the magnitude has passed contact_on_N */
     hal_u32_t* reasons;          /* enum tactiled_reason */
     hal_u32_t* sequence;         /* counts the sensor's samples */
@@ -42,6 +44,7 @@ static int make_pins(struct pins* p, int component, const char* sensor) {
     failed |= hal_pin_bit_newf(HAL_OUT, &p->valid, component, "tactiled.%s.valid", sensor);
     failed |= hal_pin_bit_newf(HAL_OUT, &p->good, component, "tactiled.%s.good", sensor);
     failed |= hal_pin_bit_newf(HAL_OUT, &p->uncertain, component, "tactiled.%s.uncertain", sensor);
+    failed |= hal_pin_bit_newf(HAL_OUT, &p->heartbeat, component, "tactiled.%s.heartbeat", sensor);
     failed |= hal_pin_bit_newf(HAL_OUT, &p->contact, component, "tactiled.%s.contact", sensor);
     failed |= hal_pin_u32_newf(HAL_OUT, &p->reasons, component, "tactiled.%s.reasons", sensor);
     failed |= hal_pin_u32_newf(HAL_OUT, &p->sequence, component, "tactiled.%s.sequence", sensor);
@@ -70,6 +73,7 @@ static void show(const struct pins* p, const struct tactiled_sample* s) {
     *p->sequence = (uint32_t)s->sequence;
     __atomic_thread_fence(__ATOMIC_RELEASE);
     if (valid) *p->valid = 1;
+    *p->heartbeat = tactiled_now_ns() / 50000000u % 2;
 }
 
 int main(int argc, char** argv) {

@@ -16,7 +16,7 @@ class Output:
     needs = {"sensor", "daemon", "bridge"}
     limit_s = 1.0
     lasts_s = 0.2
-    newest, at_s = None, 0.0
+    newest, at_s, why = None, 0.0, ""  # why: of nothing to show, where the output says it
 
     def __init__(self, rig):
         self.rig, self.ended, self.lock = rig, False, threading.Lock()

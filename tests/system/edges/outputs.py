@@ -55,16 +55,17 @@ class Rules(Prometheus):
 
     def look(self):
         numbers = [value for title in ("Grippers that do not publish", "Sensors without a value", "Sensors that are uncertain") for value in self.ask(panel(title)[0]).values()]
-        alerts = [alert for alert, (expression, *_) in rules().items() if alert != "TactiledNoRealTime" and self.ask(expression)]
+        alerts = {alert: list(found) for alert, (expression, *_) in rules().items() if alert != "TactiledNoRealTime" and (found := self.ask(expression))}
+        self.why = f"numbers {numbers}, alerts {alerts}"
         return ("all is well", None) if self.scrapes and not any(numbers) and not alerts else None
 
 
 class Dds(Output):
     """A reader of Fast DDS on the topic of the wrench: each message is used."""
-    name, topic = "DDS", f"rt/hand/{SENSOR}/wrench"
+    name, topic = "DDS", f"{SENSOR}/wrench"
 
     def open(self):
-        self.lines(self.rig.bin / "fastdds_reader", self.rig.domain, "600", self.topic)
+        self.lines(self.rig.bin / "fastdds_reader", self.rig.domain, "600", f"rt/{self.rig.node.replace('-', '_')}/{self.topic}")
 
     def came(self, line):
         _, sent, _, numbers = line.split(" ", 3)
@@ -73,7 +74,7 @@ class Dds(Output):
 
 class DdsWeight(Dds):
     """The topic of the grasp: a message is used until its `valid_until`."""
-    name, needs, topic, lasts_s = "DDS, weight", Dds.needs - {"sensor"}, "rt/hand/grasp", math.inf
+    name, needs, topic, lasts_s = "DDS, weight", Dds.needs - {"sensor"}, "grasp", math.inf
     until_s = 0.0
 
     def came(self, line):
@@ -103,18 +104,27 @@ class Rdt(Output):
 
 
 class LinuxCnc(Output):
-    """The pins of the HAL component, in a memory that outlives it: fz is used while `valid` is TRUE."""
-    name = "LinuxCNC"
+    """The pins of the HAL component: fz is used while `valid` is TRUE and a watchdog of 0.2 s sees `heartbeat` change."""
+    name, timeout_s = "LinuxCNC", 0.2
 
     def open(self):
-        pass
+        self.beat, self.changed_s = None, 0.0
+        self.thread(self.watch)
+
+    def pin(self, name, kind):
+        offsets = dict(line.rsplit(".", 1)[1].split() for line in self.rig.hal_pins.read_text().splitlines())
+        return struct.unpack_from(kind, self.rig.hal_memory.read_bytes(), int(offsets[name]))[0]
+
+    def watch(self):
+        beat = self.pin("heartbeat", "?")
+        if self.beat not in (None, beat):
+            self.changed_s = time.monotonic()
+        self.beat = beat
 
     def look(self):
-        data = self.rig.hal_file.read_bytes() if self.rig.hal_file.exists() else b""
-        pins = {data[at:at + 48].rstrip(b"\0").decode().rpartition(".")[2]: data[at + 48:at + 56] for at in range(0, len(data), 56)}
-        if not pins.get("valid", b"\0")[0]:
+        if time.monotonic() - self.changed_s > self.timeout_s or not self.pin("valid", "?"):
             return None
-        return (struct.unpack("=d", pins["fz"])[0], time.monotonic() - struct.unpack("=d", pins["age-s"])[0])
+        return (self.pin("fz", "d"), time.monotonic() - self.pin("age-s", "d"))
 
 
 class Web(Output):

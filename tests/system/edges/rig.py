@@ -23,6 +23,7 @@ VIEW_FAULT = SENSOR[0] + 2
 
 class Rig:
     bin, domain = BIN, "91"
+    cleared_s = 0.0
 
     def __init__(self):
         self.daemon = unit_daemon(config=CONFIG.replace("stale_ms = 2000", f"stale_ms = {STALE_MS}"))
@@ -31,11 +32,11 @@ class Rig:
         self.broker_port, web, rdt = free_port(), free_port(), free_port()
         (self.folder / "broker.conf").write_text(f"persistence false\nlistener {self.broker_port} 127.0.0.1\nallow_anonymous true\n")
         self.modbus, self.mqtt = self.network.tcp(self.daemon.port), self.network.tcp(self.broker_port)
-        self.web, self.rdt, self.hal_file = self.network.tcp(web), self.network.udp(rdt), self.folder / "hal"
+        self.web, self.rdt, self.hal_memory, self.hal_pins = self.network.tcp(web), self.network.udp(rdt), self.folder / "memory", self.folder / "pins"
         self.compile()
         self.commands = {
             "mqtt": (BIN / "tactiled-mqtt", "--node", self.node, "--port", self.mqtt, "--discovery", "homeassistant"),
-            "dds": (BIN / "tactiled-dds", "--node", self.node, "--domain", self.domain, "--name", "hand"),
+            "dds": (BIN / "tactiled-dds", "--node", self.node, "--domain", self.domain),
             "rdt": (BIN / "tactiled-rdt", "--node", self.node, "--zero", "mx,my,mz", "--listen", f"127.0.0.1:{rdt}"),
             "web": (BIN / "tactiled-web", "--node", self.node, "--listen", f"127.0.0.1:{web}"),
             "linuxcnc": (self.folder / "tactiled_hal", self.node, "left")}
@@ -46,7 +47,7 @@ class Rig:
 
     def compile(self):
         for name, *words in (("reader_c", "cc", HERE / "reader.c"), ("reader_cpp", "c++", "-std=c++17", HERE / "reader.cpp"),
-                             ("tactiled_hal", "cc", "-DULAPI", f"-I{HERE}", ROOT / "node/bridges/linuxcnc/tactiled_hal.c", "-lm")):
+                             ("tactiled_hal", "cc", "-DULAPI", f"-I{ROOT}/tests/system/fake_hal", ROOT / "node/bridges/linuxcnc/tactiled_hal.c", "-lm")):
             subprocess.run([*words, "-O1", f"-I{ROOT}/node/include", "-o", self.folder / name], check=True)
 
     def get(self, path, timeout_s):
@@ -63,7 +64,8 @@ class Rig:
         self.broker = Process(BROKER, "-c", self.folder / "broker.conf", ready="running")
 
     def start_bridges(self):
-        env = {**os.environ, "HAL_FILE": str(self.hal_file)}
+        self.hal_pins.unlink(missing_ok=True)  # as `halcmd unload` does
+        env = {**os.environ, "HAL_MEMORY": str(self.hal_memory), "HAL_PINS": str(self.hal_pins)}
         self.bridges = {name: Process(*words, env=env) for name, words in self.commands.items()}
 
     def processes(self, part):
@@ -82,18 +84,15 @@ class Rig:
     def go_on(self, part):
         for process in self.processes(part):
             process.send_signal(signal.SIGCONT)
-        self.clear()
 
     def bring_back(self, part):
         {"sensor": self.start_sensor, "daemon": self.daemon.start, "bridge": self.start_bridges, "broker": self.start_broker}[part]()
-        self.clear()
 
     def clear(self):
-        """Clears the faults that the daemon has latched, once their cause has ended."""
-        if self.forged:
-            return
-        wait_for(quality_is(self.daemon, "good"), "a good value")
-        self.daemon.ctl("clear")
+        """Clears the faults that the daemon has latched. Call it again: a busy machine delays the device beyond stale_ms now and then."""
+        if self.forged is None and time.monotonic() - self.cleared_s > 1:
+            self.daemon.ctl("clear")
+            self.cleared_s = time.monotonic()
 
     def start_sensor(self):
         (self.folder / "dev").unlink(missing_ok=True)
