@@ -90,7 +90,7 @@ class Matrix:
 
         def all_seen():
             missing[:] = [output for output in outputs if not self.is_healthy(output)]
-            if missing:
+            if missing:  # a busy machine loses the sensor for a moment, and that latches a fault
                 self.rig.clear()
             return not missing
         try:

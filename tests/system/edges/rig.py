@@ -110,6 +110,7 @@ class Rig:
     # ---- a node whose samples are chosen
 
     def forge(self):
+        self.clear()
         data = self.daemon.segment.read_bytes()
         self.view = View(sensors=1)
         self.view.cells = list(self.registers)
