@@ -15,9 +15,9 @@ from held_force import Held, wait_for  # noqa: E402
 
 VIEW, VIEW_SIZE, CYCLE = 600, 125, 5300
 SEQ, GLOBAL, SENSOR, SEQ_END = 0, 1, 69, 124          # offsets in the view
-STATUS, WARN, CMD_SEQ_ACK, CMD_STATE, CMD_RESULT, ECHO = (GLOBAL + n for n in (7, 9, 25, 26, 27, 29))
+CMD_SEQ_ACK, CMD_STATE, CMD_RESULT, ECHO = (GLOBAL + n for n in (25, 26, 27, 29))
 FZ, TARE_COUNT = SENSOR + 6, SENSOR + 20
-TARE, DONE, OK, ADOPTED, NOT_KNOWN, NO_HINT = 1, 2, 0, 11, 0x8000, 0xFFFF
+TARE, DONE, ADOPTED, BUSY, NOT_KNOWN, NO_HINT = 1, 2, 11, 6, 0x8000, 0xFFFF
 IDLE = 18
 
 
@@ -31,8 +31,18 @@ class Plc:
         self.gravity = [NOT_KNOWN] * 3
 
     def cycle(self):
-        """Returns the view after the write, or the number of the exception."""
-        self.number, self.beat = self.number + 1 & 0xFFFF, self.beat + 1 & 0xFFFF
+        """Returns the view after the write, or the number of an exception other than "busy", after which it writes again."""
+        self.beat = self.beat + 1 & 0xFFFF
+        answers = []
+
+        def is_taken():
+            answers.append(self.ask())
+            return answers[-1] != BUSY
+        wait_for(is_taken, "a daemon that is not busy")
+        return answers[-1]
+
+    def ask(self):
+        self.number = self.number + 1 & 0xFFFF
         write = [*self.command, self.beat, NO_HINT, 0, *self.gravity, *[NOT_KNOWN] * 3, 0]
         pdu = struct.pack(">BHHHHB", 23, VIEW, VIEW_SIZE, CYCLE, len(write), 2 * len(write)) + struct.pack(f">{len(write)}H", *write)
         self.socket.sendall(struct.pack(">HHHB", self.number, 0, len(pdu) + 1, 1) + pdu)
@@ -126,7 +136,7 @@ class Idle:
 
 
 class IdleClients(unittest.TestCase):
-    def test_of_the_control_socket_delay_no_tare(self):
+    def test_of_the_control_socket_refuse_no_command(self):
         def connect():
             client = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
             client.connect(str(held.daemon.folder / "control.sock"))
@@ -134,7 +144,7 @@ class IdleClients(unittest.TestCase):
 
         with Held() as held, Idle(connect):
             for _ in range(5):
-                done = subprocess.run([BIN / "tactilectl", "tare", "left", "--node", held.daemon.name], capture_output=True, text=True,
+                done = subprocess.run([BIN / "tactilectl", "clear", "--node", held.daemon.name], capture_output=True, text=True,
                                       env=held.daemon.reader_env)
                 self.assertEqual(done.returncode, 0, done)
 
