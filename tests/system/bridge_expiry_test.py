@@ -76,16 +76,18 @@ class Expiry(MqttTest):
                     each()
 
     def test_a_broker_of_3_1_1_retains_nothing_healthy(self):
-        relay = OldBroker(self.broker.port)
-        self.addCleanup(relay.close)
-        server = self.bridge("--discovery", "homeassistant", port=relay.port)
-        self.subscriber().until(self.is_good)
-        wait_for(lambda: "by 3.1.1" in server.log(), "the message")
-        self.subscriber().until(lambda topic, message: topic.endswith("state") and message["online"])
-        self.assertEqual(self.healthy_retained(), [])
-        server.kill()
-        self.subscriber().until(lambda topic, message: topic.endswith("state") and not message["online"])
-        self.assertGreaterEqual(relay.refused, 1)
+        for answer in OldBroker.ANSWERS:
+            with self.subTest(answer):
+                relay = OldBroker(self.broker.port, answer)
+                self.addCleanup(relay.close)
+                server = self.bridge("--discovery", "homeassistant", port=relay.port)
+                wait_for(lambda: "by 3.1.1" in server.log(), "the message")
+                self.subscriber().until(self.is_good)
+                self.subscriber().until(lambda topic, message: topic.endswith("state") and message["online"])
+                self.assertEqual(self.healthy_retained(), [])
+                server.kill()
+                self.subscriber().until(lambda topic, message: topic.endswith("state") and not message["online"])
+                self.assertGreaterEqual(relay.refused, 1)
 
     def test_home_assistant_shows_what_is_good_and_nothing_else(self):
         self.bridge("--discovery", "homeassistant")

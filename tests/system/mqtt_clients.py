@@ -40,10 +40,13 @@ class Broker:
 
 
 class OldBroker:
-    """The way to a broker as one that speaks MQTT 3.1.1 alone: it answers a CONNECT of another version with code 1, as 3.1.1 demands."""
+    """The way to a broker as one that speaks MQTT 3.1.1 alone: it refuses a CONNECT of another version, with code 1 as 3.1.1 demands, or with
+    that of MQTT 5."""
 
-    def __init__(self, port):
-        self.to, self.refused = port, 0
+    ANSWERS = {"3.1.1": b"\x20\x02\x00\x01", "5": b"\x20\x03\x00\x84\x00"}
+
+    def __init__(self, port, answer):
+        self.to, self.refused, self.answer = port, 0, self.ANSWERS[answer]
         self.listener = socket.create_server(("127.0.0.1", 0))
         self.port = self.listener.getsockname()[1]
         threading.Thread(target=self.accept, daemon=True).start()
@@ -57,7 +60,7 @@ class OldBroker:
         first = client.recv(4096)
         if first[first.index(b"MQTT") + 4] != 4:
             self.refused += 1
-            client.sendall(b"\x20\x02\x00\x01")
+            client.sendall(self.answer)
             client.close()
             return
         broker = socket.create_connection(("127.0.0.1", self.to))
