@@ -18,6 +18,7 @@ struct Args {
     DomainOptions domain;
     std::string name, frame_prefix;
     bool uncertain = false;  // sends these values, too
+    bool reliable = true;    // is the default
 };
 
 constexpr std::uint64_t kDiagnoseEachNs = 1'000'000'000;
@@ -219,10 +220,9 @@ int main(int argc, char** argv) {
     app.add_flag(
         "--many", args.domain.many,
         "for many bridges on one machine's loopback: they do not discover each other; readers need a participant number");
-    app.add_flag("--best-effort", args.domain.best_effort,
-                 "of the wrenches; default: reliable, as ROS 2 subscribes by default");
-    static bool reliable = true;
-    app.add_flag("--reliable", reliable, "the default; for command lines of older versions");
+    const auto best_effort = app.add_flag("--best-effort", args.domain.best_effort,
+                                          "of the wrenches; default: reliable, as ROS 2 subscribes by default");
+    app.add_flag("--reliable", args.reliable, "the default; for command lines of older versions").excludes(best_effort);
     app.add_flag("--uncertain", args.uncertain, "sends wrenches that are UNCERTAIN, too: their message does not say so");
     app.footer(
         "Examples:\n"

@@ -225,6 +225,7 @@ int main(int argc, char** argv) {
         "Examples:\n"
         "  tactiled-rdt --sensor wrist                            six axes, for clients on this machine\n"
         "  tactiled-rdt --sensor left --zero mx,my,mz             a sensor of three axes\n"
+        "  tactiled-rdt --sensor left --zero mx,my,mz --http-port 8090\n"
         "  tactiled-rdt --sensor left --listen 192.168.1.1:49152 --allow 192.168.1.20/32 --zero mx,my,mz\n"
         "  tactiled-rdt --sensor left --listen 127.0.0.1:49152 --sensor right --listen 127.0.0.2:49152 --zero mx,my,mz");
     return ctl::run_program(app, argc, argv, [&] {

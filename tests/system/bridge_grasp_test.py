@@ -9,11 +9,11 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from bridge_dds_test import Reader  # noqa: E402
-from bridge_mqtt_test import BROKER, Broker, Subscriber, check  # noqa: E402
 from bridge_process import bridge  # noqa: E402
 from daemon import BIN, wait_for  # noqa: E402
 from guided_hand import begin  # noqa: E402
 from home_assistant import HomeAssistant  # noqa: E402
+from mqtt_clients import BROKER, Broker, Subscriber, check  # noqa: E402
 
 MASS_kg, G_m_s2, PRESS_N = 0.4, 9.81, 5.0
 DOMAIN = "84"

@@ -1,0 +1,108 @@
+#!/usr/bin/env python3
+"""tactiled-mqtt before a real mosquitto and a model of Home Assistant: UNCERTAIN is marked, and nothing looks healthy 2 s after the end of
+the bridge, the daemon or the sensor, with MQTT 5 and with 3.1.1."""
+import pathlib
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+from bridge_process import bridge  # noqa: E402
+from daemon import halt, wait_for  # noqa: E402
+from home_assistant import HomeAssistant  # noqa: E402
+from mqtt_clients import EXPIRY_S, MqttTest, OldBroker  # noqa: E402
+from unit_daemon import CALIBRATION, quality_is, unit_daemon  # noqa: E402
+
+
+class Expiry(MqttTest):
+    def test_uncertain_is_marked_in_each_payload_and_not_shown_by_home_assistant(self):
+        daemon = unit_daemon(calibration=CALIBRATION.replace("sd = [0.01, 0.01, 0.01]\n", "")).start()
+        self.addCleanup(shutil.rmtree, daemon.folder)
+        self.addCleanup(daemon.__exit__)
+        wait_for(quality_is(daemon, "uncertain"), "a doubtful value")
+        home = self.home()
+        made = bridge("mqtt", daemon.name, "--port", self.broker.port, "--discovery", "homeassistant")
+        self.addCleanup(made.__exit__)
+        subscriber = self.subscriber(f"tactiled/{daemon.name}/#")
+        seen = {}
+        subscriber.until(lambda topic, message: seen.update({topic.rpartition("/")[2]: message}) or len(seen) == 5)
+        self.assertEqual({kind: seen[kind]["quality"] for kind in ("wrench", "quality", "state")}, dict.fromkeys(("wrench", "quality", "state"), "uncertain"))
+        self.assertIn("sd-unknown", seen["wrench"]["reasons"])
+        wait_for(lambda: "quality" in home.shown(), "the quality")
+        self.assertEqual(home.shown(), {"quality": "uncertain", "fault": "OFF"})
+
+    def home(self):
+        home = HomeAssistant(self.broker.port)
+        self.addCleanup(home.close)
+        return home
+
+    def healthy_retained(self):
+        """Texts that a subscriber gets which looks for retained messages alone, and which look healthy."""
+        done = subprocess.run(["mosquitto_sub", "-V", "5", "-p", str(self.broker.port), "--retained-only", "-W", "1", "-F", "%t %p", "-t", "tactiled/#"],
+                              capture_output=True, text=True)
+        return [line for line in done.stdout.splitlines() if '"good"' in line or '"online":true' in line]
+
+    def test_two_seconds_after_its_end_nothing_of_a_bridge_looks_healthy(self):
+        for signal_number, end in ((signal.SIGKILL, "killed"), (signal.SIGSTOP, "stopped")):
+            with self.subTest(end):
+                server, home, subscriber = self.bridge("--discovery", "homeassistant"), self.home(), self.subscriber()
+                wait_for(lambda: home.shown().get("Fz") == "-3.0" and "quality" in home.shown(), "the values")
+                wait_for(lambda: self.healthy_retained(), "a retained state")
+                server.process.send_signal(signal_number)
+                if end == "stopped":
+                    halt(server.process.pid)
+                ended_s, ended_wall_s = time.monotonic(), time.time()
+                healthy, home_late = [], None
+                while (now_s := time.monotonic()) < ended_s + EXPIRY_S + 1:
+                    if home_late is None and now_s > ended_s + EXPIRY_S / 2:
+                        home_late = self.home()  # finds what is retained then
+                    seen = self.healthy_retained() if now_s > ended_s + EXPIRY_S else []
+                    healthy += [(round(now_s - ended_s, 2), line) for line in seen]
+                    shown = home.shown()
+                    if time.monotonic() > ended_s + EXPIRY_S + 0.1 and shown:
+                        healthy.append((round(now_s - ended_s, 2), shown))
+                    self.assertEqual(home_late.shown() if home_late else {}, {})
+                self.assertEqual(healthy, [])
+                self.assertEqual(home_late.names() - {"slips"}, {"Fx", "Fy", "Fz", "quality", "fault"})
+                late = []
+                with self.assertRaises(TimeoutError):  # all that came has ended
+                    subscriber.until(lambda _, message: message["quality"] == "good" and late.append(message["valid_until_s"]), 0.5)
+                self.assertGreater(len(late), 3)
+                self.assertLessEqual(max(late), ended_wall_s + EXPIRY_S)
+                for each in (server.kill, home.close, home_late.close, subscriber.close):
+                    each()
+
+    def test_a_broker_of_3_1_1_retains_nothing_healthy(self):
+        for answer in OldBroker.ANSWERS:
+            with self.subTest(answer):
+                relay = OldBroker(self.broker.port, answer)
+                self.addCleanup(relay.close)
+                server = self.bridge("--discovery", "homeassistant", port=relay.port)
+                wait_for(lambda: "by 3.1.1" in server.log(), "the message")
+                self.subscriber().until(self.is_good)
+                self.subscriber().until(lambda topic, message: topic.endswith("state") and message["online"])
+                self.assertEqual(self.healthy_retained(), [])
+                server.kill()
+                self.subscriber().until(lambda topic, message: topic.endswith("state") and not message["online"])
+                self.assertGreaterEqual(relay.refused, 1)
+
+    def test_home_assistant_shows_what_is_good_and_nothing_else(self):
+        self.bridge("--discovery", "homeassistant")
+        home = self.home()
+        wait_for(lambda: home.shown() == {"Fx": "1.0", "Fy": "2.0", "Fz": "-3.0", "quality": "good", "fault": "OFF"}, "the values")
+        self.daemon.others[0].kill()
+        wait_for(lambda: home.shown().get("quality") == "bad", "the end of the sensor")
+        self.assertEqual(set(home.shown()), {"quality", "fault"})
+        self.daemon.process.kill()
+        self.daemon.process.wait()
+        wait_for(lambda: home.shown() == {}, "the end of the daemon")
+        late = self.home()
+        wait_for(lambda: late.names() == home.names(), "the entities")  # discovery is retained
+        self.assertEqual(late.shown(), {})
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
