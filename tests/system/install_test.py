@@ -72,7 +72,7 @@ class Installed(unittest.TestCase):
 
     def lines_of(self, *words):
         out = subprocess.run(words, capture_output=True, text=True, timeout=30, check=True).stdout
-        return [line for line in out.splitlines() if line.endswith(" N")]
+        return [line for line in out.splitlines() if re.fullmatch(r"\S+ N(, uncertain)?", line)]
 
     def test_pkg_config_builds_the_c_example(self):
         where = {**os.environ, "PKG_CONFIG_PATH": str(self.prefix / "share/pkgconfig")}
