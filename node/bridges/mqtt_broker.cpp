@@ -3,6 +3,9 @@
 #include <fmt/format.h>
 #include <mosquitto.h>
 #include <mqtt_protocol.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <sys/socket.h>
 
 #include <chrono>
 #include <thread>
@@ -23,7 +26,7 @@ void require(int result, const char* what) {
 
 Broker::Broker(const BrokerOptions& options, const std::string& client_id, const std::string& will_topic,
                const std::string& will_text, std::uint32_t expiry_s)
-    : options_(options) {
+    : options_(options), expiry_s_(expiry_s) {
     mosquitto_lib_init();
     client_ = mosquitto_new(client_id.c_str(), true, this);
     if (client_ == nullptr) throw SetupError("MQTT: the client could not be made");
@@ -73,6 +76,9 @@ void Broker::set_callbacks() {
 void Broker::on_connection(int code) {
     const bool version_5 = version_5_.load(std::memory_order_relaxed);
     if (code == 0) {
+        // Data that the broker does not acknowledge for this time are never sent: a message expires 2 s after it has come.
+        const unsigned unacknowledged_ms = expiry_s_ * 1000;
+        ::setsockopt(mosquitto_socket(client_), IPPROTO_TCP, TCP_USER_TIMEOUT, &unacknowledged_ms, sizeof unacknowledged_ms);
         set_state(version_5 ? "connected" : "connected by MQTT 3.1.1: no state is retained");
         waiting_.store(0, std::memory_order_relaxed);
         connections_.fetch_add(1, std::memory_order_release);

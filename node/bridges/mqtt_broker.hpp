@@ -57,6 +57,7 @@ private:
     static constexpr std::int64_t kMaxWaiting = 2000;
     const BrokerOptions options_;
     mosquitto* client_ = nullptr;
+    std::uint32_t expiry_s_;
     mqtt5__property* expiry_ = nullptr;  // the property of each message that is not kept for ever
     std::atomic<bool> version_5_{true}, refused_5_{false};
     std::atomic<bool> connected_{false};

@@ -80,11 +80,12 @@ void Stream::obey(const Request& request, const sockaddr_storage& from) {
 }
 
 void Stream::start(const Request& request, const sockaddr_storage& from) {
-    Client fresh{from, request.count, 1, {}, Pace(options_.rate_Hz), std::exchange(bias_next_, false)};
+    Client fresh{from, request.count, 1, {}, 0, Pace(options_.rate_Hz), std::exchange(bias_next_, false)};
     const auto client =
         std::find_if(clients_.begin(), clients_.end(), [&](const Client& c) { return is_same(c.address, from); });
     if (client != clients_.end()) {  // a new start keeps its zero, as the device does
         fresh.bias = client->bias;
+        fresh.bias_tare = client->bias_tare;
         fresh.wants_bias |= client->wants_bias;
         clients_.erase(client);
     } else if (clients_.size() == kMaxClients) {
@@ -100,7 +101,13 @@ void Stream::start(const Request& request, const sockaddr_storage& from) {
 // False: it has all that it asked for.
 bool Stream::send_to(Client& client, const tactiled_sample& sample, Wrench values, Counts& counts) {
     if (!client.pace.passes(sample)) return true;
-    if (std::exchange(client.wants_bias, false)) client.bias = values;
+    if (client.wants_bias &&
+        sample.quality == TACTILED_GOOD) {  // a doubtful value waits, since the bias would outlive its doubt
+        client.wants_bias = false;
+        client.bias = values;
+        client.bias_tare = sample.tare_count;
+    }
+    if (client.bias_tare != sample.tare_count) client.bias = {};
     for (std::size_t i = 0; i < 6; ++i) values[i] -= client.bias[i];
     const auto record = encode(client.sequence, std::uint32_t(sample.sequence), rdt_status(sample.quality, sample.reasons),
                                values, options_.scale);

@@ -39,6 +39,7 @@ private:
         std::uint32_t left;      // records to send; 0: until it stops
         std::uint32_t sequence;  // number of its next record
         Wrench bias;
+        std::uint32_t bias_tare;  // tare_count at the bias, which another tare ends
         Pace pace;
         bool wants_bias;
     };

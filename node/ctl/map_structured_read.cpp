@@ -24,6 +24,7 @@ END_TYPE
 (* One block of registers of the last good read. *)
 TYPE T_TACTILED_PIECE :
 STRUCT
+    ID : UINT; (* which block it is: 16 + n for sensor n *)
     CALLS : UINT; (* of the block that read it *)
     AGE : TIME; (* of the read, at the last of these calls *)
     CELLS : T_TACTILED_CELLS;
@@ -38,9 +39,10 @@ END_TYPE
 
 (* Part of the blocks below: judges the age of a read at the place of use. It is at most the AGE when the reading block was
    called last, plus the time since then: since this block's call before, if CALLS has changed, else longer by what has passed
-   since it had changed. *)
+   since it had changed. An instance that is used for several blocks in turns hands out nothing. *)
 FUNCTION_BLOCK FB_TACTILED_AGE
 VAR_INPUT
+    ID : UINT;
     CALLS : UINT;
     AGE : TIME;
 END_VAR
@@ -49,6 +51,7 @@ VAR_OUTPUT
 END_VAR
 VAR
     STARTED : BOOL;
+    LAST_ID : UINT;
     LAST_CALLS : UINT;
     PAUSE : TON; (* since the call before *)
     HELD : TON; (* since CALLS has changed *)
@@ -57,7 +60,7 @@ END_VAR
 
 PAUSE(IN := TRUE, PT := T#2s);
 HELD(IN := TRUE, PT := T#2s);
-IF NOT STARTED THEN
+IF (NOT STARTED) OR (ID <> LAST_ID) THEN
     BOUND := T#2s;
 ELSIF CALLS <> LAST_CALLS THEN
     BOUND := AGE + PAUSE.ET;
@@ -67,6 +70,7 @@ END_IF;
 FRESH := BOUND + HELD.ET < T#900ms;
 PAUSE(IN := FALSE, PT := T#2s);
 PAUSE(IN := TRUE, PT := T#2s);
+LAST_ID := ID;
 LAST_CALLS := CALLS;
 STARTED := TRUE;
 END_FUNCTION_BLOCK
@@ -118,18 +122,20 @@ END_IF;
 struct Part {
     std::string name;
     unsigned at, size;
+    std::string id;
 };
 
 std::vector<Part> parts_of_view() {
     std::vector<Part> parts;
     for (const Copy& copy : area_with(Block::view).copies) switch (copy.from) {
-            case kGlobalAt: parts.push_back({"NODE", copy.at, copy.count}); break;
-            case kGraspAt: parts.push_back({"GRASP", copy.at, copy.count}); break;
-            case kDoubtsAt: parts.push_back({"DOUBTS", copy.at, copy.count}); break;
-            case kToolAt: parts.push_back({"WRENCH", copy.at, copy.count}); break;
+            case kGlobalAt: parts.push_back({"NODE", copy.at, copy.count, "1"}); break;
+            case kGraspAt: parts.push_back({"GRASP", copy.at, copy.count, "2"}); break;
+            case kDoubtsAt: parts.push_back({"DOUBTS", copy.at, copy.count, "3"}); break;
+            case kToolAt: parts.push_back({"WRENCH", copy.at, copy.count, "4"}); break;
             case kSensorsAt:
                 for (unsigned n = 0; n < 2; ++n)
-                    parts.push_back({fmt::format("SENSOR[{}]", n), copy.at + n * kSensorSize, kSensorSize});
+                    parts.push_back(
+                        {fmt::format("SENSOR[{}]", n), copy.at + n * kSensorSize, kSensorSize, std::to_string(16 + n)});
         }
     return parts;
 }
@@ -139,7 +145,9 @@ std::string take(const Part& part, std::string_view from) {
                        part.name, from);
 }
 
-std::string stamp(const Part& part) { return fmt::format("{0}.CALLS := CALLS;\n{0}.AGE := AGE;\n", part.name); }
+std::string stamp(const Part& part) {
+    return fmt::format("{0}.ID := {1};\n{0}.CALLS := CALLS;\n{0}.AGE := AGE;\n", part.name, part.id);
+}
 
 std::string read_view() {
     const auto parts = parts_of_view();
@@ -174,16 +182,19 @@ std::string read_view() {
 }
 
 std::string read_further() {
-    const Part part{"SENSOR", 0, kSensorSize};
+    const Part part{"SENSOR", 0, kSensorSize, "WORD_TO_UINT(INT_TO_WORD(NUMBER)) + 16"};
     std::string out = fmt::format(
         "(* The same for a further sensor, one instance each: SENSOR_REGS are up to 5 sensors, {} registers each from {} + "
-        "{} n,\n   and INDEX is the place among them. *)\nFUNCTION_BLOCK FB_TACTILED_FURTHER\nVAR_INPUT\n"
-        "    SENSOR_REGS : T_TACTILED_REGS;\n    READ_DONE : BOOL;\n    INDEX : INT; (* 0 .. 4 *)\nEND_VAR\nVAR_OUTPUT\n",
+        "{} n.\n   FIRST is the number of the first one in them, NUMBER that of this one. *)\nFUNCTION_BLOCK "
+        "FB_TACTILED_FURTHER\nVAR_INPUT\n"
+        "    SENSOR_REGS : T_TACTILED_REGS;\n    READ_DONE : BOOL;\n    FIRST : INT; (* 0 .. 15 *)\n    NUMBER : INT; (* "
+        "FIRST .. FIRST + 4 *)\nEND_VAR\nVAR_OUTPUT\n",
         kSensorSize, kSensorsAt, kSensorSize);
     put_field(out, "SENSOR", "T_TACTILED_PIECE", "for FB_TACTILED_SENSOR");
-    put_field(out, "TORN", "BOOL", "the registers are of two reads, or INDEX is none");
+    put_field(out, "TORN", "BOOL", "the registers are of two reads, or NUMBER is not among them");
     out += fmt::format(
-        "END_VAR\n{}IDX := 0;\nTORN := (INDEX < 0) OR (4 < INDEX);\nIF NOT TORN THEN\n    IDX := INDEX * {};\nEND_IF;\n"
+        "END_VAR\n{}IDX := 0;\nTORN := (NUMBER < FIRST) OR (FIRST + 4 < NUMBER);\nIF NOT TORN THEN\n    IDX := (NUMBER - "
+        "FIRST) * {};\nEND_IF;\n"
         "BASE := IDX;\nTORN := TORN OR (SENSOR_REGS[BASE] <> SENSOR_REGS[BASE + {}]);\n",
         std::string(kVariables).replace(0, 4, "VAR\n    BASE : INT;\n"), kSensorSize, unsigned(kSensorSeqEnd));
     out += fmt::format(kJudge, fmt::arg("wrong", "TORN"), fmt::arg("seq", "SENSOR_REGS[BASE]"),

@@ -140,7 +140,7 @@ std::string begin(std::string_view comment, std::string_view name, const std::ve
 
 // The age of the pieces, which are of one reading block.
 std::string judge(std::string_view piece) {
-    return fmt::format("JUDGE(CALLS := {0}.CALLS, AGE := {0}.AGE);\nFRESH := JUDGE.FRESH;\n", piece);
+    return fmt::format("JUDGE(ID := {0}.ID, CALLS := {0}.CALLS, AGE := {0}.AGE);\nFRESH := JUDGE.FRESH;\n", piece);
 }
 
 std::string sensor_block() {

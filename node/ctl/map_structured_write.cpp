@@ -67,7 +67,7 @@ END_VAR
 )";
 
 constexpr char kBody[] =
-    R"(JUDGE(CALLS := NODE.CALLS, AGE := NODE.AGE);
+    R"(JUDGE(ID := NODE.ID, CALLS := NODE.CALLS, AGE := NODE.AGE);
 FRESH := JUDGE.FRESH;
 IF BEAT = 65535 THEN
     BEAT := 0;

@@ -41,7 +41,7 @@ CommandClient& CommandClients::of_writer(const HostAddress& host, std::uint64_t 
     CommandClient* client = find(host);
     if (client == nullptr) {
         const auto worth = [](const CommandClient& c) {
-            return std::pair(c.outcome.is_running() || c.direct.is_running(), c.wrote_ns);
+            return std::pair(c.has_hints || c.outcome.is_running() || c.direct.is_running(), c.wrote_ns);
         };
         client = &*std::min_element(clients_.begin(), clients_.end(),
                                     [&](const auto& a, const auto& b) { return worth(a) < worth(b); });

@@ -1,4 +1,5 @@
-// The commands of each client: the command block with its CMD_SEQ, and the outcome of commands of one register or coil.
+// The state of each client that writes: its heartbeat, the command block with its CMD_SEQ, and the outcome of commands of
+// one register or coil.
 //
 // A client is an address, so that its state survives a reconnection, and two PLCs have separate states. The RTU line
 // is one client. If there are more addresses than places, the one that has written least recently is forgotten.
@@ -23,6 +24,10 @@ struct Outcome {
 struct CommandClient {
     HostAddress host{};
     std::uint64_t wrote_ns = 0;  // 0: this place is free
+
+    std::uint16_t heartbeat = 0, accel_count = 0;  // the words that it wrote last
+    std::uint64_t life_ns = 0;                     // its last sign of life; 0: none yet
+    bool has_hints = false;                        // it wrote hints that are in force
 
     std::array<std::uint16_t, 5> block{};  // registers 5000 .. 5004
     std::array<std::uint16_t, 5> taken{};  // the block when its number was taken
@@ -57,6 +62,8 @@ public:
     // Notes that the client at `host` has read its outcome. rt: wait-free
     void note_read(const HostAddress& host) noexcept;
 
+    [[nodiscard]] auto begin() const noexcept { return clients_.begin(); }
+    [[nodiscard]] auto end() const noexcept { return clients_.end(); }
     [[nodiscard]] auto begin() noexcept { return clients_.begin(); }
     [[nodiscard]] auto end() noexcept { return clients_.end(); }
 

@@ -24,7 +24,7 @@ Controls::Controls(const ModbusSettings& settings, CommandRing& commands)
 
 void Controls::tick(std::uint64_t now_ns) noexcept {
     if (settings_unsent_) send_settings();
-    if (plc_is_silent(now_ns) && robot_.forget()) words_.forget_hints();
+    if (plc_is_silent(now_ns)) forget_hints();
     robot_.send(commands_);
     hand_over_objects(now_ns);
 }

@@ -70,7 +70,10 @@ private:
     [[nodiscard]] Exception check_coil(const Request& request, unsigned i, const View& view) const noexcept;
     [[nodiscard]] static bool coils_are_one_command(const Request& request) noexcept;
     [[nodiscard]] bool plc_is_silent(std::uint64_t now_ns) const noexcept;
-    [[nodiscard]] bool is_sign_of_life(const Request& request, const Session& session) const noexcept;
+    [[nodiscard]] bool is_over(std::uint64_t life_ns, std::uint64_t now_ns) const noexcept;
+    void note_life(const Request& request, const Session& session, std::uint64_t now_ns) noexcept;
+    void take_hint(unsigned at, std::uint16_t value, CommandClient& client, std::uint64_t now_ns) noexcept;
+    void forget_hints() noexcept;
     void write_register(unsigned at, std::uint16_t value, const View& view, Session& session, std::uint64_t now_ns) noexcept;
     void write_coils(const Request& request, const Session& session, std::uint64_t now_ns) noexcept;
     void run_block(CommandClient& client, const View& view, std::uint64_t now_ns) noexcept;

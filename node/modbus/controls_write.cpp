@@ -97,23 +97,27 @@ Exception Controls::check_register(unsigned at, std::uint16_t value, const View&
 
 // ---- effects ---------------------------------------------------------------------------------------------------------
 
-// A PLC is alive if its heartbeat changes, or if it writes a hint. A write that repeats the heartbeat comes from a gateway
-// or a scanner whose program stands still: only the first one counts, so that its hints expire later.
-bool Controls::is_sign_of_life(const Request& request, const Session& session) const noexcept {
+// A client is alive if its own heartbeat changes, or if it writes a hint. A write that repeats the heartbeat comes from a
+// gateway or a scanner whose program stands still: only the first one counts, so that its hints expire later.
+void Controls::note_life(const Request& request, const Session& session, std::uint64_t now_ns) noexcept {
+    const CommandClient& before = clients_.at(session.host);
     bool beats = false, repeats = false, hints = false;
     for (unsigned i = 0; i < request.write.count; ++i) {
         const unsigned at = written_at(request, i);
-        const bool changes = requested(request, i, session) != words_[at];
+        const std::uint16_t word = requested(request, i, session);
+        const bool changes = word != (at == kPlcHeartbeat ? before.heartbeat : words_[at]);
         beats |= (at == kPlcHeartbeat || at == kPlcWatchdog) && changes;
         repeats |= at == kPlcHeartbeat && !changes;
         hints |= Robot::is_hint(at);
     }
-    return beats || (hints && (!repeats || life_ns_ == 0));
+    if (!beats && !repeats && !hints) return;
+    CommandClient& client = clients_.of_writer(session.host, now_ns);
+    if (beats || (hints && (!repeats || client.life_ns == 0))) client.life_ns = life_ns_ = now_ns;
 }
 
 void Controls::write(const Request& request, const View& view, Session& session, std::uint64_t now_ns) noexcept {
     if (writes_coils(request)) return write_coils(request, session, now_ns);
-    if (is_sign_of_life(request, session)) life_ns_ = now_ns;
+    note_life(request, session, now_ns);
     for (unsigned i = 0; i < request.write.count; ++i)
         write_register(written_at(request, i), requested(request, i, session), view, session, now_ns);
     const unsigned end = request.write.at + request.write.count;
@@ -135,10 +139,20 @@ void Controls::write_register(unsigned at, std::uint16_t value, const View& view
         unlocked_until_ns_ = std::max(unlocked_until_ns_, session.unlocked_until_ns);
     } else if (at == kSave) {
         save();
-    } else if (!Robot::is_hint(at) || !plc_is_silent(now_ns)) {
-        const bool changed = std::exchange(words_[at], value) != value;
-        robot_.note(at, changed, words_, now_ns);
+    } else if (Robot::is_hint(at)) {
+        take_hint(at, value, clients_.of_writer(session.host, now_ns), now_ns);
+    } else {
+        words_[at] = value;
+        if (at == kPlcHeartbeat) clients_.of_writer(session.host, now_ns).heartbeat = value;
     }
+}
+
+void Controls::take_hint(unsigned at, std::uint16_t value, CommandClient& client, std::uint64_t now_ns) noexcept {
+    if (is_over(client.life_ns, now_ns)) return;
+    client.has_hints = true;
+    words_[at] = value;
+    const bool confirms = at == kAccelCount && std::exchange(client.accel_count, value) != value;
+    robot_.note(at, confirms, words_, now_ns);
 }
 
 void Controls::send_settings() noexcept {
@@ -179,15 +193,28 @@ void Controls::read_coils(const View& view, std::span<std::uint8_t, kCoils> out)
     out[kWeighCoil] = has_weight(view.snapshot.node.grasp) ? 1 : 0;
 }
 
-bool Controls::plc_is_silent(std::uint64_t now_ns) const noexcept {
+bool Controls::is_over(std::uint64_t life_ns, std::uint64_t now_ns) const noexcept {
     const std::uint16_t watchdog_ms = words_[kPlcWatchdog];
-    return watchdog_ms != 0 && life_ns_ != 0 && now_ns > life_ns_ + std::uint64_t(watchdog_ms) * 1'000'000u;
+    return watchdog_ms != 0 && life_ns != 0 && now_ns > life_ns + std::uint64_t(watchdog_ms) * 1'000'000u;
+}
+
+// One client whose hints are in force is enough, since the hints of all have effect together; without hints, all of them.
+bool Controls::plc_is_silent(std::uint64_t now_ns) const noexcept {
+    return is_over(life_ns_, now_ns) || std::any_of(clients_.begin(), clients_.end(), [&](const CommandClient& client) {
+               return client.has_hints && is_over(client.life_ns, now_ns);
+           });
+}
+
+void Controls::forget_hints() noexcept {
+    if (!robot_.forget()) return;
+    words_.forget_hints();
+    for (CommandClient& client : clients_) client.has_hints = false;
 }
 
 ClientReport Controls::report(const Session& session, std::uint64_t now_ns) const noexcept {
     ClientReport report;
     report.commands = clients_.at(session.host);
-    report.heartbeat = words_[kPlcHeartbeat];
+    report.heartbeat = report.commands.heartbeat;
     if (plc_is_silent(now_ns)) report.status_bits |= 1u << 12;
     if (now_ns <= unlocked_until_ns_) report.status_bits |= 1u << 13;
     if (saving_.load() == failed || unreadable_.load() || teach_failed_) {

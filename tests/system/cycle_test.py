@@ -91,7 +91,7 @@ class OneRequestInEachCycle(unittest.TestCase):
         with Held() as held:
             plc = Plc(held.daemon.port)
             echo = plc.wait("a cycle", lambda view: True)[ECHO]
-            plc.gravity = [0, 0, 0]
+            plc.gravity = [0, 0, 1000]
             self.assertEqual(plc.cycle(), 3, "no gravity on Earth")
             plc.gravity = [0, 0, 9810]
             plc.beat = echo

@@ -220,6 +220,18 @@ class Age(unittest.TestCase):
             scene.pass_ms(10)
 
 
+    def test_one_instance_for_two_sensors_hands_out_nothing(self):
+        scene = Scene().live()
+        for _ in range(30):
+            scene.read()
+            scene.first()
+            for n in (0, 1):
+                scene.sensor.call(SENSOR=scene.map.values["SENSOR"][n])
+                self.assertFalse(scene.sensor.values["OK"] and n == 1)
+            scene.pass_ms(20)
+        self.assertFalse(scene.sensor.values["FRESH"])
+
+
 class Gates(unittest.TestCase):
     """Every word of every block is judged: without a fresh read none looks healthy."""
 
@@ -303,7 +315,7 @@ class Further(unittest.TestCase):
             for n in advance:
                 cells[25 * n:25 * n + 25] = [seq, GOOD, 0, 0, 1, 2, (n - 9) & 0xFFFF] + [0x8000] * 12 + [-2 & 0xFFFF, 0, 0, 0, 0, seq]
             for n in range(5):
-                blocks[n].call(SENSOR_REGS=cells, READ_DONE=True, INDEX=n)
+                blocks[n].call(SENSOR_REGS=cells, READ_DONE=True, FIRST=5, NUMBER=5 + n)
                 uses[n].call(SENSOR=blocks[n].values["SENSOR"])
             plc.now_ms += 50
 
@@ -313,7 +325,7 @@ class Further(unittest.TestCase):
         for seq in range(4, 40):
             cycle((0, 3), seq)
         self.assertEqual([u.values["OK"] for u in uses], [True, False, False, True, False])
-        blocks[0].call(SENSOR_REGS=cells, READ_DONE=True, INDEX=7)
+        blocks[0].call(SENSOR_REGS=cells, READ_DONE=True, FIRST=0, NUMBER=7)
         self.assertTrue(blocks[0].values["TORN"])
 
 

@@ -108,6 +108,35 @@ TEST_F(ExpiringHints, ASilenceForWhichThePipelineHasNoRoomComesBeforeNewHints) {
 
 // ---- one write in each cycle -------------------------------------------------------------------------------------------
 
+TEST_F(ExpiringHints, NoClientKeepsTheHintsOfAnotherInForce) {
+    const auto as = [&](std::uint8_t host) { session_.host = HostAddress{host}; };
+    as(1);
+    EXPECT_EQ(put(kGravityX, gravity()), kNone);
+    as(2);
+    for (unsigned beat = 1; beat < 4; ++beat) EXPECT_EQ(put(kPlcHeartbeat, beat, beat * kSecond), kNone);
+    EXPECT_EQ(kinds(), Kinds{kGravity});
+    EXPECT_FALSE(is_silent(3 * kSecond + 1)) << "the client without hints is alive";
+    EXPECT_EQ(kinds(), Kinds{kSilence});
+    EXPECT_EQ(global(4 * kSecond)[kPlcHbEcho], 3);
+    as(1);
+    EXPECT_EQ(global(4 * kSecond)[kPlcHbEcho], 0) << "an echo is of the client's own heartbeat";
+}
+
+TEST_F(ExpiringHints, TwoGatewaysThatRepeatTheirLastWritesKeepNothingInForce) {
+    const auto cycle = [&](unsigned host, std::uint64_t now_ns) {
+        session_.host = HostAddress{std::uint8_t(host)};
+        return put_at(kCycleAt, {0, 0, 0, 0, 0, host, 65535, 0, 0, 0, 9810, 0, 0, 0, host}, now_ns);
+    };
+    std::uint64_t now_ns = kSecond;
+    for (; now_ns <= kSecond + kExpireNs; now_ns += kSecond / 10)
+        for (const unsigned host : {1u, 2u}) EXPECT_EQ(cycle(host, now_ns), kNone);
+    (void)kinds();
+    EXPECT_TRUE(is_silent(now_ns));
+    (void)kinds();
+    for (const unsigned host : {1u, 2u}) EXPECT_EQ(cycle(host, now_ns), kNone);
+    EXPECT_EQ(kinds(), Kinds{});
+}
+
 TEST_F(HintsTest, OneWriteOfACycleIsThatOfItsSingleRegisters) {
     const std::vector<unsigned> cycle{kResetPeaks, 1, 0, 0, 7, 9, 3, 250, 0, 0, 9810, 100, 200, 300, 1};
     EXPECT_EQ(put(kCycleAt, cycle), kNone);
