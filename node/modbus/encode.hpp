@@ -85,7 +85,7 @@ View view_of_nothing(std::uint32_t reason = TACTILED_DAEMON_STOPPED) noexcept;
 // The data of Controls that a client's registers show.
 struct ClientReport {
     CommandClient commands{};
-    std::uint16_t heartbeat = 0;                    // of this client
+    std::uint16_t heartbeat = 0;                    // the client writes it
     std::uint32_t status_bits = 0, fault_bits = 0;  // are added to STATUS and FAULT of the global block
 };
 
