@@ -35,7 +35,7 @@ VAR_INPUT
     GRAVITY_X : REAL; (* m/s2, frame G, 9.81 in all *)
     GRAVITY_Y : REAL;
     GRAVITY_Z : REAL;
-    HAS_ACCEL : BOOL; (* ACCEL is new in this call *)
+    HAS_ACCEL : BOOL; (* ACCEL is new in this call; the words keep it until the next one, for a slower fieldbus *)
     ACCEL_X : REAL; (* m/s2, frame G, without gravity *)
     ACCEL_Y : REAL;
     ACCEL_Z : REAL;
@@ -61,7 +61,8 @@ VAR
     HAS_ECHO : BOOL;
     LAST_ECHO : WORD;
     SINCE_ECHO : TON;
-    COUNT : UINT;
+    COUNT : UINT; (* of the values of ACCEL, whose words change with it alone *)
+    STARTED : BOOL;
 END_VAR
 
 )";
@@ -138,11 +139,16 @@ END_IF;
 WRITE_REGS[{gripper}] := UINT_TO_WORD(GRIPPER_STATE);
 )";
 
-// Writes the three components of a vector, in 0.001 m/s2; 0, 0, 0 is no statement. A component out of range cannot be one.
-std::string write_vector(std::string_view name, unsigned at) {
+// Writes one word into the three registers of a vector.
+std::string fill_vector(std::string_view indent, unsigned at, std::string_view word) {
     std::string out;
-    for (unsigned axis = 0; axis < 3; ++axis) out += fmt::format("WRITE_REGS[{}] := 16#0000;\n", at + axis);
-    out += fmt::format("IF HAS_{}", name);
+    for (unsigned axis = 0; axis < 3; ++axis) out += fmt::format("{}WRITE_REGS[{}] := {};\n", indent, at + axis, word);
+    return out;
+}
+
+// Begins an IF that writes the three components of a known vector, in 0.001 m/s2. A component out of range is not known.
+std::string write_vector(std::string_view name, unsigned at) {
+    std::string out = fmt::format("IF HAS_{}", name);
     for (const char axis : {'X', 'Y', 'Z'}) out += fmt::format(" AND (-32.0 < {0}_{1}) AND ({0}_{1} < 32.0)", name, axis);
     out += " THEN\n";
     for (const char axis : {'X', 'Y', 'Z'})
@@ -177,7 +183,9 @@ std::string structured_write() {
                        fmt::arg("adopted", result("ADOPTED")), fmt::arg("timed_out", result("TIMED_OUT")),
                        fmt::arg("done", state("DONE")), fmt::arg("rejected", state("REJECTED")),
                        fmt::arg("gripper", place_of(kGripperState))) +
-           write_vector("GRAVITY", place_of(kGravityX)) + "END_IF;\n" + write_vector("ACCEL", place_of(kAccelX)) +
+           fill_vector("", place_of(kGravityX), "16#0000") + write_vector("GRAVITY", place_of(kGravityX)) + "END_IF;\n" +
+           "IF NOT STARTED THEN\n" + fill_vector("    ", place_of(kAccelX), "16#8000") + "    STARTED := TRUE;\nEND_IF;\n" +
+           write_vector("ACCEL", place_of(kAccelX)) +
            fmt::format(
                "    IF COUNT = 65535 THEN\n        COUNT := 0;\n    ELSE\n        COUNT := COUNT + 1;\n    END_IF;\n"
                "END_IF;\nWRITE_REGS[{}] := UINT_TO_WORD(COUNT);\nEND_FUNCTION_BLOCK\n\n",

@@ -295,10 +295,23 @@ class FunctionBlock(unittest.TestCase):
                                 ({"HAS_GRAVITY": True, "GRAVITY_X": 40.0}, [0, 0, 0]), ({"HAS_GRAVITY": False}, [0, 0, 0])):
                 self.scan(plc, **hint)
                 self.assertEqual(self.command.value("WRITE_REGS")[8:11], words)
-            self.scan(plc, HAS_ACCEL=True, ACCEL_X=1.5)
-            self.assertEqual(plc.client.read_holding_registers(5311, count=4).registers, [1500, 0, 0, 1])
+
+    def test_an_acceleration_keeps_its_words_until_a_slower_fieldbus_has_written_them(self):
+        with Held() as held:
+            plc = held.plc()
+            stated = lambda: plc.client.read_holding_registers(5311, count=4).registers  # noqa: E731
+            self.scan(plc)
+            self.assertEqual(stated(), [0x8000, 0x8000, 0x8000, 0], "nothing was measured")
+            self.scan(plc, HAS_ACCEL=True, ACCEL_X=1.5, ACCEL_Z=-0.25, writes=False)
+            self.scan(plc, HAS_ACCEL=False, writes=False)
             self.scan(plc, HAS_ACCEL=False)
-            self.assertEqual(plc.client.read_holding_registers(5311, count=4).registers, [0, 0, 0, 1], "the count confirms, and stays")
+            self.assertEqual(stated(), [1500, 0, -250 & 0xFFFF, 1])
+            self.scan(plc, HAS_ACCEL=True, ACCEL_X=40.0)
+            self.assertEqual(stated(), [1500, 0, -250 & 0xFFFF, 1], "a value out of range is not confirmed")
+            self.command = self.program.instance("FB_TACTILED_WRITE")  # the PLC restarts, and its count is another one
+            self.scan(plc)
+            self.assertEqual(self.command.value("WRITE_REGS")[11:], [0x8000, 0x8000, 0x8000, 0])
+            self.assertEqual(stated()[:3], [0x8000] * 3)
 
 
 if __name__ == "__main__":
