@@ -38,8 +38,7 @@ struct Command {
         set = 100,
         hint = 101,
         gravity = 102,
-        acceleration = 103,
-        robot_is_silent = 104  // the data of the three before are no longer valid
+        acceleration = 103
     };
     Kind kind = Kind::tare;
     std::uint32_t mask = 0;               // bit n: sensor n
@@ -48,9 +47,10 @@ struct Command {
     std::uint64_t until_ns = UINT64_MAX;  // the command is rejected after this time
     GraspSettable grasp{};                // argument of `set`
     double mass_kg = 0;                   // argument of `known_weight`
-    grasp::Hint gripper{};                // argument of `hint`
+    grasp::Hint gripper{};                // argument of `hint`; none = unknown
     grasp::Vector robot_G_m_s2{};         // argument of `gravity` and `acceleration`; NaN = unknown
     std::uint64_t reported_ns = 0;        // argument of `acceleration`
+    bool hints_expired = false;           // argument of these three: one has expired, and was neither renewed nor withdrawn
     // Argument of `objects`. The sender owns the memory and keeps it until the command is acknowledged, however long that
     // takes.
     std::span<const TaughtObject> objects{};

@@ -76,8 +76,7 @@ Commands::Answer Commands::answer_to(const Command& command, Grasping& grasping,
         case Kind::set:
         case Kind::hint:
         case Kind::gravity:
-        case Kind::acceleration:
-        case Kind::robot_is_silent: break;
+        case Kind::acceleration: break;
     }
     return {TACTILED_COMMAND_REJECTED, TACTILED_COMMAND_UNKNOWN};
 }

@@ -119,24 +119,22 @@ bool Grasping::carry_out(const Command& command) noexcept {
 
 bool Grasping::take_report(const Command& command) noexcept {
     using Kind = Command::Kind;
-    const grasp::Vector& vector = command.robot_G_m_s2;
-    robot_is_silent_ = command.kind == Kind::robot_is_silent;
-    switch (command.kind) {
-        case Kind::hint: reported_hint_ = command.gripper; break;
-        case Kind::gravity: reported_gravity_G_m_s2_ = vector; break;
-        case Kind::acceleration:
-            if (tool_) tool_->acceleration(vector, command.reported_ns);
-            if (estimator_) estimator_->acceleration(vector, command.reported_ns);
-            return tool_ || estimator_;
-        default:  // silence; an acceleration expires by its own time
-            reported_hint_ = grasp::Hint::none;
-            if (reported_gravity_G_m_s2_) reported_gravity_G_m_s2_ = {kNaN, kNaN, kNaN};
+    hints_expired_ = command.hints_expired;
+    if (command.kind == Kind::hint) {
+        reported_hint_ = command.gripper;
+        if (estimator_) estimator_->hint(reported_hint_);
+        return estimator_.has_value();
     }
-    const bool is_gravity = command.kind != Kind::hint && reported_gravity_G_m_s2_;
-    if (is_gravity && tool_) tool_->gravity(*reported_gravity_G_m_s2_);
-    if (is_gravity && estimator_) estimator_->gravity(*reported_gravity_G_m_s2_);
-    if (estimator_) estimator_->hint(reported_hint_);
-    return estimator_ || (tool_ && is_gravity);
+    const grasp::Vector& vector = command.robot_G_m_s2;
+    if (command.kind == Kind::gravity) {
+        reported_gravity_G_m_s2_ = vector;
+        if (tool_) tool_->gravity(vector);
+        if (estimator_) estimator_->gravity(vector);
+    } else {
+        if (tool_) tool_->acceleration(vector, command.reported_ns);
+        if (estimator_) estimator_->acceleration(vector, command.reported_ns);
+    }
+    return tool_ || estimator_;
 }
 
 void Grasping::set(const GraspSettable& settable) noexcept {
@@ -157,10 +155,11 @@ void Grasping::succeed(const Grasping& before) noexcept {
     set(before.requested_);
     reported_gravity_G_m_s2_ = before.reported_gravity_G_m_s2_;
     reported_hint_ = before.reported_hint_;
-    robot_is_silent_ = before.robot_is_silent_;
+    hints_expired_ = before.hints_expired_;
     if (estimator_ && reported_gravity_G_m_s2_) estimator_->gravity(*reported_gravity_G_m_s2_);
     if (estimator_) estimator_->hint(reported_hint_);
     if (estimator_) take({before.taught_.data(), before.n_taught_});
+    if (tool_ && reported_gravity_G_m_s2_) tool_->gravity(*reported_gravity_G_m_s2_);  // also where there was no tool
     if (tool_ && before.tool_) tool_->succeed(*before.tool_);
 }
 

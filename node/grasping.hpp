@@ -43,8 +43,8 @@ public:
     [[nodiscard]] tactiled_grasp state() const noexcept;
     // rt: bounded by the sensors
     [[nodiscard]] tactiled_tool tool() const noexcept;
-    // True from the time at which the robot's data have expired until it reports again. rt: wait-free
-    [[nodiscard]] bool robot_is_silent() const noexcept { return robot_is_silent_; }
+    // True while data of the robot have expired, and were neither reported again nor withdrawn. rt: wait-free
+    [[nodiscard]] bool hints_expired() const noexcept { return hints_expired_; }
 
 private:
     void observe_tool(std::size_t index, const tactiled_sample& sample, const Wrench& zero_S) noexcept;
@@ -58,7 +58,7 @@ private:
     GraspSettable configured_, requested_{kNaN, kNaN};
     std::optional<grasp::Vector> reported_gravity_G_m_s2_;  // NaN: the robot reported that it is unknown
     grasp::Hint reported_hint_ = grasp::Hint::none;
-    bool robot_is_silent_ = false;
+    bool hints_expired_ = false;
     tactiled_grasp before_{};                                // counters and latches of the predecessor; the rest is 0
     std::array<int, TACTILED_MAX_SENSORS> jaw_of_sensor_{};  // -1: none
     std::array<std::uint32_t, TACTILED_MAX_SENSORS> tares_seen_{}, methods_seen_{};

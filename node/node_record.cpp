@@ -86,7 +86,7 @@ std::uint64_t NodeRecord::deadline_ns() const noexcept {
 }
 
 void NodeRecord::publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp, const tactiled_tool& tool,
-                         bool robot_is_silent) noexcept {
+                         bool hints_expired) noexcept {
     bool all_have_values = true, all_deliver = true;
     std::uint32_t reasons = 0, states = 0, lost = 0, refused = 0;
     for (const auto& sensor : sensors_) {
@@ -103,7 +103,7 @@ void NodeRecord::publish(std::uint64_t now_ns, const Tares& tares, const tactile
     follow_faults(now_ns, tares);
     node_.warning = warnings(now_ns, tares, reasons, states) |
                     bit_if((grasp.weight_doubts & ~std::uint32_t(TACTILED_DOUBT_MOVES)) != 0, TACTILED_WARN_JAWS) |
-                    bit_if(robot_is_silent, TACTILED_WARN_HINTS);
+                    bit_if(hints_expired, TACTILED_WARN_HINTS);
     node_.status = fixed_status_ | bit_if(all_deliver && all_have_values, TACTILED_READY) |
                    bit_if((states & TACTILED_CONTACT) != 0, TACTILED_ANY_CONTACT) |
                    bit_if(!all_deliver, TACTILED_ANY_STALE) |

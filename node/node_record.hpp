@@ -69,7 +69,7 @@ public:
     [[nodiscard]] std::uint64_t deadline_ns() const noexcept;
     // rt: bounded by the number of sensors and links
     void publish(std::uint64_t now_ns, const Tares& tares, const tactiled_grasp& grasp, const tactiled_tool& tool,
-                 bool robot_is_silent) noexcept;
+                 bool hints_expired) noexcept;
 
     // Returns true if a sensor delivers. rt: bounded by the number of sensors
     [[nodiscard]] bool is_delivering() const noexcept;

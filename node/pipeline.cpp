@@ -90,7 +90,7 @@ void Pipeline::publish_node(std::uint64_t now_ns) noexcept {
     const bool is_busy = grasp.state >= TACTILED_GRIP_CONTACT && grasp.state <= TACTILED_GRIP_SLIPPING;
     for (const auto& link : links_) link->is_busy.store(is_busy, std::memory_order_relaxed);
     for (Sensor& sensor : sensors_) sensor.may_hold(grasping_->is_configured() && grasp.state != TACTILED_GRIP_OPEN);
-    record_.publish(now_ns, commands.tares(), grasp, grasping_->tool(), grasping_->robot_is_silent());
+    record_.publish(now_ns, commands.tares(), grasp, grasping_->tool(), grasping_->hints_expired());
 }
 
 // ---- the loop ----------------------------------------------------------------------------------------------------------

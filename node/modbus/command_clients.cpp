@@ -41,11 +41,11 @@ CommandClient& CommandClients::of_writer(const HostAddress& host, std::uint64_t 
     CommandClient* client = find(host);
     if (client == nullptr) {
         const auto worth = [](const CommandClient& c) {
-            return std::pair(c.has_hints || c.outcome.is_running() || c.direct.is_running(), c.wrote_ns);
+            return std::pair(c.outcome.is_running() || c.direct.is_running(), c.wrote_ns);
         };
         client = &*std::min_element(clients_.begin(), clients_.end(),
                                     [&](const auto& a, const auto& b) { return worth(a) < worth(b); });
-        *client = CommandClient{};
+        *client = unknown_;
         client->host = host;
     }
     client->wrote_ns = std::max<std::uint64_t>(now_ns, 1);

@@ -7,6 +7,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 
 #include "node/modbus/allow_list.hpp"
 #include "node/modbus/table.hpp"
@@ -21,13 +22,31 @@ struct Outcome {
     [[nodiscard]] bool is_running() const noexcept { return state == TACTILED_COMMAND_RUNNING; }
 };
 
+// The words of a hint of up to three registers, in their order; further ones are 0.
+using HintWords = std::array<std::uint16_t, 3>;
+
+// Gravity as a client writes it, by one request or by three: Z makes it whole, after X and Y.
+struct GravityDraft {
+    HintWords words{};
+    unsigned written = 0;  // axes from X on, without a gap
+
+    void put(unsigned axis, std::uint16_t word) noexcept {
+        words[axis] = word;
+        if (axis <= written) written = axis + 1;
+    }
+    [[nodiscard]] bool is_whole() const noexcept { return written == words.size(); }
+};
+
 struct CommandClient {
+    static constexpr std::uint64_t kNever = UINT64_MAX;
     HostAddress host{};
     std::uint64_t wrote_ns = 0;  // 0: this place is free
 
-    std::uint16_t heartbeat = 0, accel_count = 0;  // the words that it wrote last
+    std::uint16_t heartbeat = 0, watchdog_ms = 0;  // the words that it wrote last
     std::uint64_t life_ns = 0;                     // its last sign of life; 0: none yet
-    bool has_hints = false;                        // it wrote hints that are in force
+    GravityDraft gravity;                          // hints that it has not written to the end
+    HintWords acceleration{kNoI16, kNoI16, kNoI16};
+    std::optional<std::uint16_t> accel_count;  // the first one confirms nothing: its values may be old
 
     std::array<std::uint16_t, 5> block{};  // registers 5000 .. 5004
     std::array<std::uint16_t, 5> taken{};  // the block when its number was taken
@@ -42,6 +61,16 @@ struct CommandClient {
     std::uint32_t direct_number = 0;
     std::uint64_t direct_ns = 0;
 
+    // The client has shown signs of life, and none for its PLC_WATCHDOG.
+    [[nodiscard]] bool is_silent(std::uint64_t now_ns) const noexcept { return life_ns != 0 && now_ns > lives_until_ns(); }
+    [[nodiscard]] std::uint64_t lives_until_ns() const noexcept {
+        return watchdog_ms == 0 ? kNever : life_ns + std::uint64_t(watchdog_ms) * 1'000'000u;
+    }
+    // The gravity that it has begun; axes from before a silence are those of an old direction.
+    [[nodiscard]] GravityDraft draft(std::uint64_t now_ns) const noexcept {
+        return is_silent(now_ns) ? GravityDraft{} : gravity;
+    }
+
     // True if writing `cmd_seq` runs the block. The first number after a start does not: a PLC that writes its block
     // in every cycle writes its last command again, which must not run a second time.
     [[nodiscard]] bool runs(std::uint16_t cmd_seq) const noexcept { return has_number && cmd_seq != taken[4]; }
@@ -55,6 +84,8 @@ struct CommandClient {
 
 class CommandClients {
 public:
+    // `watchdog_ms`: the PLC_WATCHDOG of a client that has not written it.
+    explicit CommandClients(std::uint16_t watchdog_ms) noexcept { unknown_.watchdog_ms = watchdog_ms; }
     // Returns the state of the client at `host`; the empty state if the address is unknown. rt: wait-free
     [[nodiscard]] const CommandClient& at(const HostAddress& host) const noexcept;
     // Returns the same for writing; an unknown address gets a place. rt: wait-free

@@ -17,14 +17,14 @@ Controls::Controls(const ModbusSettings& settings, CommandRing& commands)
       weighs_(!settings.objects.empty()),
       path_(settings.settings),
       commands_(commands),
+      clients_(std::uint16_t(settings.hints_expire_ms)),
       teaching_(settings.objects) {
-    words_[kPlcWatchdog] = std::uint16_t(settings.hints_expire_ms);
     if (enabled_) load();
 }
 
 void Controls::tick(std::uint64_t now_ns) noexcept {
     if (settings_unsent_) send_settings();
-    if (plc_is_silent(now_ns)) forget_hints();
+    robot_.expire(now_ns);
     robot_.send(commands_);
     hand_over_objects(now_ns);
 }

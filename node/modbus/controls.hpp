@@ -42,10 +42,10 @@ public:
     // Checks whether a write of functions 5, 6, 15, 16, 22, 23 may be carried out now; changes nothing.
     [[nodiscard]] Exception check(const Request& request, const View& view, const Session& session,
                                   std::uint64_t now_ns) const noexcept;
-    // Sends commands for which the pipeline had no room, and forgets the hints of a silent PLC. Called regularly.
+    // Sends commands for which the pipeline had no room, and ends the hints of a silent PLC. Called regularly.
     void tick(std::uint64_t now_ns) noexcept;
     // Returns true if hints are in force that may expire, so that tick() must come soon after the PLC's silence.
-    [[nodiscard]] bool watches_plc() const noexcept { return words_[kPlcWatchdog] != 0 && robot_.has_reported(); }
+    [[nodiscard]] bool watches_plc() const noexcept { return robot_.may_expire(); }
     // Carries out a write that check() has accepted.
     void write(const Request& request, const View& view, Session& session, std::uint64_t now_ns) noexcept;
 
@@ -62,18 +62,16 @@ private:
     enum Saving : std::uint8_t { idle, storing, failed };
 
     [[nodiscard]] bool is_busy(const View& view) const noexcept;
+    [[nodiscard]] bool command_waits(const Request& request, const View& view, const Session& session) const noexcept;
     [[nodiscard]] std::uint16_t requested(const Request& request, unsigned i, const Session& session) const noexcept;
     [[nodiscard]] Exception check_register(unsigned at, std::uint16_t value, const View& view, const Session& session,
                                            std::uint64_t now_ns) const noexcept;
-    [[nodiscard]] bool registers_fit(const Request& request, const Session& session) const noexcept;
+    [[nodiscard]] bool registers_fit(const Request& request, const Session& session, std::uint64_t now_ns) const noexcept;
     [[nodiscard]] Exception check_command_cell(unsigned at, std::uint16_t value, const View& view) const noexcept;
     [[nodiscard]] Exception check_coil(const Request& request, unsigned i, const View& view) const noexcept;
     [[nodiscard]] static bool coils_are_one_command(const Request& request) noexcept;
     [[nodiscard]] bool plc_is_silent(std::uint64_t now_ns) const noexcept;
-    [[nodiscard]] bool is_over(std::uint64_t life_ns, std::uint64_t now_ns) const noexcept;
     void note_life(const Request& request, const Session& session, std::uint64_t now_ns) noexcept;
-    void take_hint(unsigned at, std::uint16_t value, CommandClient& client, std::uint64_t now_ns) noexcept;
-    void forget_hints() noexcept;
     void write_register(unsigned at, std::uint16_t value, const View& view, Session& session, std::uint64_t now_ns) noexcept;
     void write_coils(const Request& request, const Session& session, std::uint64_t now_ns) noexcept;
     void run_block(CommandClient& client, const View& view, std::uint64_t now_ns) noexcept;
@@ -96,9 +94,8 @@ private:
     std::string path_;
     CommandRing& commands_;
     CommandClients clients_;
-    Words words_;  // all but the command blocks, which are in clients_
+    Words words_;  // settings, heartbeat, scratch
     Robot robot_;
-    std::uint64_t life_ns_ = 0;            // last sign of life of a PLC; 0: none yet
     std::uint64_t unlocked_until_ns_ = 0;  // by any client
 
     std::uint32_t number_ = 0;  // number of the last command sent to the pipeline

@@ -46,36 +46,50 @@ std::uint16_t Controls::requested(const Request& request, unsigned i, const Sess
     return std::uint16_t((now & word(0)) | (word(2) & ~word(0)));  // 1.1b3, 6.16
 }
 
+// A command in the write of a cycle that cannot run now is left out, and a later cycle runs it: its exception would take the
+// heartbeat and the hints of the same write along.
+bool Controls::command_waits(const Request& request, const View& view, const Session& session) const noexcept {
+    if (writes_coils(request) || request.write.at < kCycleAt || (view.alive && !is_busy(view))) return false;
+    for (unsigned i = 0; i < request.write.count; ++i)
+        if (written_at(request, i) == kCmdSeq) return clients_.at(session.host).runs(requested(request, i, session));
+    return false;
+}
+
 Exception Controls::check(const Request& request, const View& view, const Session& session,
                           std::uint64_t now_ns) const noexcept {
     if (!enabled_ || !session.may_write) return kIllegalAddress;  // read-only for this client
-    const bool coils = writes_coils(request);
+    const bool coils = writes_coils(request), waits = command_waits(request, view, session);
     Exception first = kNone;  // in the order of the run; a wrong address comes before a wrong value
     for (unsigned i = 0; i < request.write.count; ++i) {
         const unsigned at = written_at(request, i);
+        if (waits && at <= kCmdSeq) continue;
         const Exception found = !coils ? check_register(at, requested(request, i, session), view, session, now_ns)
                                        : check_coil(request, i, view);
         if (found == kIllegalAddress) return found;
         if (first == kNone) first = found;
     }
     if (first != kNone) return first;
-    return (coils ? coils_are_one_command(request) : registers_fit(request, session)) ? kNone : kIllegalValue;
+    return (coils ? coils_are_one_command(request) : registers_fit(request, session, now_ns)) ? kNone : kIllegalValue;
 }
 
 // Returns whether the registers of a write are allowed together: at most one command, a hysteresis whose end is not above
-// its begin, a gravity as on Earth. Words that were not written count as they are.
-bool Controls::registers_fit(const Request& request, const Session& session) const noexcept {
+// its begin, a whole gravity as on Earth. Words that were not written count as they are.
+bool Controls::registers_fit(const Request& request, const Session& session, std::uint64_t now_ns) const noexcept {
     Words after = words_;
+    GravityDraft gravity = clients_.at(session.host).draft(now_ns);
     int commands = 0;
     for (unsigned i = 0; i < request.write.count; ++i) {
         const unsigned at = written_at(request, i);
         const std::uint16_t value = after[at] = requested(request, i, session);
+        if (at >= kGravityX && at < kAccelX) gravity.put(at - kGravityX, value);
         commands += (is_command_cell(at) && value != 0) || (at == kCmdSeq && clients_.at(session.host).runs(value)) ? 1 : 0;
     }
     const std::uint16_t on = after[kContactOn], off = after[kContactOff];
     const bool contact_is_upside_down = (writes(request, kContactOn) || writes(request, kContactOff)) &&
                                         on != kAsConfigured && off != kAsConfigured && off > on;
-    return commands <= 1 && !contact_is_upside_down && (!writes(request, kGravityX + 2) || Robot::is_gravity(after));
+    const bool ends_gravity = writes(request, kGravityX + 2);
+    return commands <= 1 && !contact_is_upside_down &&
+           (!ends_gravity || (gravity.is_whole() && Robot::is_gravity(gravity.words)));
 }
 
 Exception Controls::check_register(unsigned at, std::uint16_t value, const View& view, const Session& session,
@@ -97,31 +111,36 @@ Exception Controls::check_register(unsigned at, std::uint16_t value, const View&
 
 // ---- effects ---------------------------------------------------------------------------------------------------------
 
-// A client is alive if its own heartbeat changes, or if it writes a hint. A write that repeats the heartbeat comes from a
-// gateway or a scanner whose program stands still: only the first one counts, so that its hints expire later.
+// A client is alive if its own heartbeat or watchdog changes, or if it writes a hint. A write that repeats the heartbeat
+// comes from a gateway or a scanner whose program stands still: only the first one counts, so that its hints expire later.
 void Controls::note_life(const Request& request, const Session& session, std::uint64_t now_ns) noexcept {
     const CommandClient& before = clients_.at(session.host);
     bool beats = false, repeats = false, hints = false;
     for (unsigned i = 0; i < request.write.count; ++i) {
         const unsigned at = written_at(request, i);
         const std::uint16_t word = requested(request, i, session);
-        const bool changes = word != (at == kPlcHeartbeat ? before.heartbeat : words_[at]);
-        beats |= (at == kPlcHeartbeat || at == kPlcWatchdog) && changes;
-        repeats |= at == kPlcHeartbeat && !changes;
+        beats |= (at == kPlcHeartbeat && word != before.heartbeat) || (at == kPlcWatchdog && word != before.watchdog_ms);
+        repeats |= at == kPlcHeartbeat && word == before.heartbeat;
         hints |= Robot::is_hint(at);
     }
     if (!beats && !repeats && !hints) return;
     CommandClient& client = clients_.of_writer(session.host, now_ns);
-    if (beats || (hints && (!repeats || client.life_ns == 0))) client.life_ns = life_ns_ = now_ns;
+    if (!beats && (!hints || (repeats && client.life_ns != 0))) return;
+    client.gravity = client.draft(now_ns);
+    client.life_ns = now_ns;
 }
 
 void Controls::write(const Request& request, const View& view, Session& session, std::uint64_t now_ns) noexcept {
     if (writes_coils(request)) return write_coils(request, session, now_ns);
+    const bool waits = command_waits(request, view, session);
     note_life(request, session, now_ns);
     for (unsigned i = 0; i < request.write.count; ++i)
-        write_register(written_at(request, i), requested(request, i, session), view, session, now_ns);
+        if (const unsigned at = written_at(request, i); !waits || at > kCmdSeq)
+            write_register(at, requested(request, i, session), view, session, now_ns);
     const unsigned end = request.write.at + request.write.count;
     if (request.write.at <= kWeighWindow && end > kFilterHz) send_settings();
+    const CommandClient& client = clients_.at(session.host);
+    if (client.life_ns != 0) robot_.hold(client.host, client.lives_until_ns());
     robot_.send(commands_);
 }
 
@@ -139,20 +158,17 @@ void Controls::write_register(unsigned at, std::uint16_t value, const View& view
         unlocked_until_ns_ = std::max(unlocked_until_ns_, session.unlocked_until_ns);
     } else if (at == kSave) {
         save();
-    } else if (Robot::is_hint(at)) {
-        take_hint(at, value, clients_.of_writer(session.host, now_ns), now_ns);
+    } else if (Robot::is_hint(at) || at == kPlcHeartbeat || at == kPlcWatchdog) {
+        CommandClient& client = clients_.of_writer(session.host, now_ns);
+        if (at == kPlcHeartbeat)
+            client.heartbeat = value;
+        else if (at == kPlcWatchdog)
+            client.watchdog_ms = value;
+        else if (!client.is_silent(now_ns))
+            robot_.write(at, value, client, now_ns);
     } else {
         words_[at] = value;
-        if (at == kPlcHeartbeat) clients_.of_writer(session.host, now_ns).heartbeat = value;
     }
-}
-
-void Controls::take_hint(unsigned at, std::uint16_t value, CommandClient& client, std::uint64_t now_ns) noexcept {
-    if (is_over(client.life_ns, now_ns)) return;
-    client.has_hints = true;
-    words_[at] = value;
-    const bool confirms = at == kAccelCount && std::exchange(client.accel_count, value) != value;
-    robot_.note(at, confirms, words_, now_ns);
 }
 
 void Controls::send_settings() noexcept {
@@ -167,10 +183,17 @@ void Controls::send_settings() noexcept {
 // ---- reading ---------------------------------------------------------------------------------------------------------
 
 void Controls::read(Run run, const Session& session, std::uint64_t now_ns, std::uint16_t* out) const noexcept {
+    const CommandClient& client = clients_.at(session.host);
     for (unsigned i = 0; i < run.count; ++i) {
         const unsigned at = origin_of(std::uint16_t(run.at + i));
         if (at <= kCmdSeq)
-            out[i] = clients_.at(session.host).block[at - kCmd];
+            out[i] = client.block[at - kCmd];
+        else if (at == kPlcHeartbeat)
+            out[i] = client.heartbeat;
+        else if (at == kPlcWatchdog)
+            out[i] = client.watchdog_ms;
+        else if (Robot::is_hint(at))
+            out[i] = robot_.word(at, client);
         else if (at == kUnlock)
             out[i] = now_ns <= session.unlocked_until_ns && session.unlocked_until_ns != 0;
         else if (at == kSave)
@@ -193,22 +216,12 @@ void Controls::read_coils(const View& view, std::span<std::uint8_t, kCoils> out)
     out[kWeighCoil] = has_weight(view.snapshot.node.grasp) ? 1 : 0;
 }
 
-bool Controls::is_over(std::uint64_t life_ns, std::uint64_t now_ns) const noexcept {
-    const std::uint16_t watchdog_ms = words_[kPlcWatchdog];
-    return watchdog_ms != 0 && life_ns != 0 && now_ns > life_ns + std::uint64_t(watchdog_ms) * 1'000'000u;
-}
-
-// One client whose hints are in force is enough, since the hints of all have effect together; without hints, all of them.
+// True if PLCs with a watchdog have shown signs of life, and none of them does now.
 bool Controls::plc_is_silent(std::uint64_t now_ns) const noexcept {
-    return is_over(life_ns_, now_ns) || std::any_of(clients_.begin(), clients_.end(), [&](const CommandClient& client) {
-               return client.has_hints && is_over(client.life_ns, now_ns);
-           });
-}
-
-void Controls::forget_hints() noexcept {
-    if (!robot_.forget()) return;
-    words_.forget_hints();
-    for (CommandClient& client : clients_) client.has_hints = false;
+    const auto is_watched = [](const CommandClient& client) { return client.life_ns != 0 && client.watchdog_ms != 0; };
+    return std::any_of(clients_.begin(), clients_.end(), is_watched) &&
+           std::all_of(clients_.begin(), clients_.end(),
+                       [&](const CommandClient& client) { return !is_watched(client) || client.is_silent(now_ns); });
 }
 
 ClientReport Controls::report(const Session& session, std::uint64_t now_ns) const noexcept {

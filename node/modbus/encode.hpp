@@ -28,10 +28,8 @@ double decode(const Register& of, std::uint16_t word) noexcept;
 // The words of the registers that may be written, 5000 .. 5227, and the values that they stand for.
 class Words {
 public:
-    // At the start the settings are as configured, hints are not available, and all others are 0.
+    // At the start the settings are as configured, and all others are 0.
     Words() noexcept;
-    // Makes the hints not available, so that no axis of a later direction is that of an earlier one.
-    void forget_hints() noexcept;
     [[nodiscard]] std::uint16_t& operator[](unsigned at) noexcept { return words_[at - kControlsAt]; }
     [[nodiscard]] std::uint16_t operator[](unsigned at) const noexcept { return words_[at - kControlsAt]; }
     // Returns the value of a u16 or i16: see decode().

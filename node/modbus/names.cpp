@@ -20,7 +20,7 @@ constexpr Name kStatusBits[] = {{0, "ready", "READY"},
                                 {9, "simulated or replayed data", "SIMULATED"},
                                 {10, "stale", "STALE"},
                                 {11, "uncalibrated", "UNCALIBRATED"},
-                                {12, "the PLC is silent: no new PLC_HEARTBEAT and no hint for PLC_WATCHDOG", "PLC_EXPIRED"},
+                                {12, "each PLC is silent: no new PLC_HEARTBEAT and no hint for PLC_WATCHDOG", "PLC_EXPIRED"},
                                 {13, "settings are unlocked", "UNLOCKED"},
                                 {14, "warning: see WARN", "WARNING"},
                                 {15, "fault: see FAULT", "FAULT"}};
@@ -40,7 +40,7 @@ constexpr Name kWarnBits[] = {
     {6, "a sensor's rate is not the declared one", "RATE"},
     {7, "the last reload was refused: the previous configuration is in force", "RELOAD"},
     {8, "the jaws contradict the weight: see WEIGHT_WHY", "JAWS"},
-    {9, "the PLC's hints have expired: gravity, acceleration and gripper state are not known", "HINTS"}};
+    {9, "a hint of a PLC has expired: gravity, acceleration or gripper state is not known", "HINTS"}};
 constexpr Name kDoubtBits[] = {
     {0, "the presses do not balance: a wrong gain, or a tilt or an acceleration that is not reported", "BALANCE"},
     {1, "the jaws do not share the load as they should: a wrong gain or direction", "SHARES"},

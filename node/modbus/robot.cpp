@@ -1,15 +1,16 @@
 #include "node/modbus/robot.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace tactiled::modbus {
 namespace {
 
-constexpr double kMinG_m_s2 = 9.7, kMaxG_m_s2 = 9.9;  // same limits as in the configuration
-
 // The values of three registers.
-grasp::Vector vector_at(unsigned at, const Words& words) noexcept {
-    return {words.value(at), words.value(at + 1), words.value(at + 2)};
+grasp::Vector vector_of(unsigned at, const HintWords& words) noexcept {
+    return {decode(*writable_at(at), words[0]), decode(*writable_at(at + 1), words[1]),
+            decode(*writable_at(at + 2), words[2])};
 }
 
 double squares_of(const grasp::Vector& v) noexcept {
@@ -20,46 +21,88 @@ double squares_of(const grasp::Vector& v) noexcept {
 
 }  // namespace
 
-Command& Robot::renew(Latest& latest, Command::Kind kind) noexcept {
-    latest.command.kind = kind;
-    latest.unsent = reported_ = true;
-    return latest.command;
+void Robot::write(unsigned at, std::uint16_t word, CommandClient& client, std::uint64_t now_ns) noexcept {
+    Hint& hint = hints_[index_of(at)];
+    if (at == kGripperForce) {
+        force_ = word;
+    } else if (at == kGripperState) {
+        state(hint, {word}, client.host, now_ns);
+    } else if (at < kAccelX) {
+        client.gravity.put(at - kGravityX, word);
+        if (client.gravity.is_whole()) state(hint, client.gravity.words, client.host, now_ns);
+    } else if (at < kAccelCount) {
+        client.acceleration[at - kAccelX] = word;
+    } else if (const auto before = std::exchange(client.accel_count, word); before && *before != word) {
+        state(hint, client.acceleration, client.host, now_ns);
+    }
 }
 
-void Robot::note(unsigned at, bool changed, const Words& words, std::uint64_t now_ns) noexcept {
-    if (at == kGripperState) renew(hint_, Command::Kind::hint).gripper = grasp::Hint(words[at]);
-    if (at == kGravityX + 2) note_gravity(vector_at(kGravityX, words));
-    if (at != kAccelCount || !changed) return;
-    Command& motion = renew(motion_, Command::Kind::acceleration);
-    motion.robot_G_m_s2 = vector_at(kAccelX, words);
-    motion.reported_ns = now_ns;
+void Robot::state(Hint& hint, const HintWords& words, const HostAddress& writer, std::uint64_t now_ns) noexcept {
+    const bool is_zero = hint.kind == Command::Kind::gravity && words == HintWords{};
+    if (is_zero || std::find(words.begin(), words.end(), hint.none) != words.end()) {
+        if (hint.state != State::unknown && hint.writer == writer) end(hint, State::unknown);
+        return;
+    }
+    hint.words = words;
+    hint.state = State::stated;
+    hint.writer = writer;
+    hint.stated_ns = now_ns;
+    hint.unsent = true;
 }
 
-// A PLC that says nothing leaves the configured gravity in force, but not the one that it has said before.
-void Robot::note_gravity(const grasp::Vector& gravity_G_m_s2) noexcept {
-    const bool says_nothing = squares_of(gravity_G_m_s2) == 0;
-    if (says_nothing && down_.command.kind != Command::Kind::gravity) return;
-    renew(down_, Command::Kind::gravity).robot_G_m_s2 = says_nothing ? grasp::Vector{kNaN, kNaN, kNaN} : gravity_G_m_s2;
+void Robot::end(Hint& hint, State why) noexcept {
+    hint.words = {hint.none, hint.none, hint.none};
+    hint.state = why;
+    hint.unsent = true;
 }
 
-bool Robot::is_gravity(const Words& words) noexcept {
-    const double squares = squares_of(vector_at(kGravityX, words));
-    return std::isnan(squares) || squares == 0 || (squares >= kMinG_m_s2 * kMinG_m_s2 && squares <= kMaxG_m_s2 * kMaxG_m_s2);
+void Robot::hold(const HostAddress& writer, std::uint64_t until_ns) noexcept {
+    for (Hint& hint : hints_)
+        if (hint.writer == writer) hint.until_ns = until_ns;
 }
 
-bool Robot::forget() noexcept {
-    if (!reported_) return false;
-    for (Latest* const latest : {&hint_, &down_, &motion_}) latest->unsent = false;
-    renew(silence_, Command::Kind::robot_is_silent);
-    reported_ = false;
-    return true;
+void Robot::expire(std::uint64_t now_ns) noexcept {
+    for (Hint& hint : hints_)
+        if (hint.state == State::stated && now_ns > hint.until_ns) end(hint, State::expired);
+}
+
+bool Robot::may_expire() const noexcept {
+    return std::any_of(hints_.begin(), hints_.end(), [](const Hint& hint) {
+        return hint.state == State::stated && hint.until_ns != CommandClient::kNever;
+    });
+}
+
+// A hint that has ended is sent as one that is not known.
+Command Robot::command_of(const Hint& hint) const noexcept {
+    Command command;
+    command.kind = hint.kind;
+    if (hint.kind == Command::Kind::hint)
+        command.gripper = grasp::Hint(hint.words[0]);
+    else
+        command.robot_G_m_s2 = vector_of(hint.at, hint.words);
+    command.reported_ns = hint.stated_ns;
+    command.hints_expired =
+        std::any_of(hints_.begin(), hints_.end(), [](const Hint& one) { return one.state == State::expired; });
+    return command;
 }
 
 void Robot::send(CommandRing& commands) noexcept {
-    for (Latest* const latest : {&silence_, &hint_, &down_, &motion_}) {
-        if (latest->unsent && !commands.send(latest->command)) return;
-        latest->unsent = false;
+    for (Hint& hint : hints_) {
+        if (hint.unsent && !commands.send(command_of(hint))) return;
+        hint.unsent = false;
     }
+}
+
+std::uint16_t Robot::word(unsigned at, const CommandClient& client) const noexcept {
+    if (at == kGripperForce) return force_;
+    if (at == kAccelCount) return client.accel_count.value_or(0);
+    const Hint& hint = hints_[index_of(at)];
+    return hint.words[at - hint.at];
+}
+
+bool Robot::is_gravity(const HintWords& words) noexcept {
+    const double squares = squares_of(vector_of(kGravityX, words));
+    return std::isnan(squares) || squares == 0 || (squares >= kMinG_m_s2 * kMinG_m_s2 && squares <= kMaxG_m_s2 * kMaxG_m_s2);
 }
 
 }  // namespace tactiled::modbus

@@ -1,6 +1,11 @@
-// A PLC's data about the robot: the gripper's state, gravity and acceleration at the hand. Registers 5022 and
-// 5040 .. 5046. These writes have no acknowledgement.
+// A PLC's data about the robot, the hints: the gripper's state, gravity and acceleration at the hand. Registers 5022, 5023
+// and 5040 .. 5046. These writes have no acknowledgement.
+//
+// A hint belongs to the client that stated it last, and is in force until that client has been silent for its PLC_WATCHDOG.
+// Words that state nothing withdraw a hint of the same client, and change nothing else.
 #pragma once
+#include <array>
+
 #include "node/command.hpp"
 #include "node/modbus/encode.hpp"
 
@@ -8,37 +13,54 @@ namespace tactiled::modbus {
 
 class Robot {
 public:
-    // Notes that register `at` was written, with another word than before if `changed`. Gravity takes effect with its Z,
-    // acceleration with a new ACCEL_COUNT: a client that writes one register at a time never causes a mixture of an old and
-    // a new direction.
-    void note(unsigned at, bool changed, const Words& words, std::uint64_t now_ns) noexcept;
+    // On Earth, as in the configuration: a gravity beyond has a wrong scale, and would give a wrong weight.
+    static constexpr double kMinG_m_s2 = 9.7, kMaxG_m_s2 = 9.9;
 
-    // Returns true if the words are the gravity on Earth, not available, or 0, 0, 0, which says nothing: a wrong scale would
-    // give no weight.
-    static bool is_gravity(const Words& words) noexcept;
+    // Takes a register of a hint from a client. The gripper's state takes effect at once, gravity with its Z after X and Y,
+    // acceleration with another ACCEL_COUNT than the one before: a client that writes one register at a time never causes a
+    // mixture of an old and a new direction.
+    void write(unsigned at, std::uint16_t word, CommandClient& client, std::uint64_t now_ns) noexcept;
+    // Keeps the hints of a client in force until then.
+    void hold(const HostAddress& writer, std::uint64_t until_ns) noexcept;
+    // Ends the hints whose time has passed.
+    void expire(std::uint64_t now_ns) noexcept;
+    // Sends what has changed to the pipeline, as far as there is room.
+    void send(CommandRing& commands) noexcept;
 
+    // Returns the word in force: "not available" of a hint that was not stated, was withdrawn, or has expired.
+    [[nodiscard]] std::uint16_t word(unsigned at, const CommandClient& client) const noexcept;
+    // True while a hint is in force that may expire.
+    [[nodiscard]] bool may_expire() const noexcept;
+
+    // Returns true if the words are the gravity on Earth, not available, or 0, 0, 0, which states nothing.
+    static bool is_gravity(const HintWords& words) noexcept;
     // Returns true for the registers of these data.
     static constexpr bool is_hint(unsigned at) noexcept {
         return at == kGripperState || at == kGripperForce || (at >= kGravityX && at <= kAccelCount);
     }
-    // Forgets the data because the PLC is silent, so that they may be outdated. Returns false if there were none.
-    bool forget() noexcept;
-    // True if data were written since the last forget().
-    [[nodiscard]] bool has_reported() const noexcept { return reported_; }
-    // Sends new data to the pipeline, as far as there is room.
-    void send(CommandRing& commands) noexcept;
 
 private:
-    // The newest data of one kind, which replace data that were not sent.
-    struct Latest {
-        Command command{};
+    enum class State : std::uint8_t { unknown, stated, expired };
+    struct Hint {
+        std::uint16_t at;  // its first register
+        Command::Kind kind;
+        std::uint16_t none;  // the word that states nothing
+        HintWords words{none, none, none};
+        State state = State::unknown;
+        HostAddress writer{};
+        std::uint64_t until_ns = 0, stated_ns = 0;
         bool unsent = false;
     };
-    void note_gravity(const grasp::Vector& gravity_G_m_s2) noexcept;
-    Command& renew(Latest& latest, Command::Kind kind) noexcept;
+    // The hint that a register belongs to: its index.
+    static constexpr std::size_t index_of(unsigned at) noexcept { return at < kGravityX ? 0 : at < kAccelX ? 1 : 2; }
+    static void state(Hint& hint, const HintWords& words, const HostAddress& writer, std::uint64_t now_ns) noexcept;
+    static void end(Hint& hint, State why) noexcept;
+    [[nodiscard]] Command command_of(const Hint& hint) const noexcept;
 
-    Latest silence_, hint_, down_, motion_;  // in this order: newer data end the silence
-    bool reported_ = false;
+    std::array<Hint, 3> hints_{{{kGripperState, Command::Kind::hint, kNoU16},
+                                {kGravityX, Command::Kind::gravity, kNoI16},
+                                {kAccelX, Command::Kind::acceleration, kNoI16}}};
+    std::uint16_t force_ = kNoU16;  // without effect yet
 };
 
 }  // namespace tactiled::modbus

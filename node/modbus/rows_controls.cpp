@@ -49,9 +49,10 @@ constexpr Register kControls[] = {
     {kPlcHeartbeat, "PLC_HEARTBEAT", count, kNoUnit,
      "any changing value. A write that contains it unchanged is no sign of life, and its hints expire", kKept, kAny},
     {kPlcWatchdog, "PLC_WATCHDOG", u16, kMilliseconds,
-     "0 = off, else 10 .. 60000; hints_expire_ms of [modbus] after a start. Without a new PLC_HEARTBEAT and without a write "
-     "of a hint (5022, 5023, 5040 .. 5046) for longer, STATUS bit 12 is set, and all hints are not known (WARN bit 9) until "
-     "they are written again",
+     "time limit of the client that writes it: 0 = off, else 10 .. 60000; hints_expire_ms of [modbus] after a start. "
+     "Without a new "
+     "PLC_HEARTBEAT and without a write of a hint (5022, 5023, 5040 .. 5046) for longer, the hints of this client are not "
+     "known (WARN bit 9) until they are written again or withdrawn",
      kKept, range(0, 60000)},
     {kGripperState, "GRIPPER_STATE", enumeration, kNoUnit,
      "a hint for the grasp estimate, from the first write on until PLC_WATCHDOG expires; 65535 = no hint", kKept,
@@ -69,8 +70,8 @@ constexpr Register kControls[] = {
     {kWeighWindow, "WEIGH_WINDOW", u16, kMilliseconds, "WEIGHT is a mean over this time; values above 1000 count as 1000",
      kKept, locked(10, 10000)},
     {kGravityX, "GRAVITY_X", i16, kAcceleration,
-     "gravity in the gripper's frame G; all three count when Z is written, and must be 9.7 .. 9.9 m/s2 together; 0, 0, 0 "
-     "says nothing",
+     "gravity in the gripper's frame G; all three count when Z is written, after X and Y, and must be 9.7 .. 9.9 m/s2 "
+     "together; 0, 0, 0 says nothing. They read as in force",
      kKept, kAny},
     {kGravityX + 1, "GRAVITY_Y", i16, kAcceleration, "", kKept, kAny},
     {kGravityX + 2, "GRAVITY_Z", i16, kAcceleration,
@@ -79,7 +80,9 @@ constexpr Register kControls[] = {
     {kAccelX + 1, "ACCEL_Y", i16, kAcceleration, "", kKept, kAny},
     {kAccelX + 2, "ACCEL_Z", i16, kAcceleration, "", kKept, kAny},
     {kAccelCount, "ACCEL_COUNT", count, kNoUnit,
-     "a new value confirms ACCEL_X .. ACCEL_Z; 100 ms without a new value make them unknown", kKept, kAny},
+     "a new value confirms ACCEL_X .. ACCEL_Z, but not the first one of a client after a start; 100 ms without a new value "
+     "make them unknown",
+     kKept, kAny},
     {kUnlock, "UNLOCK", u16, kNoUnit,
      "0x5AFE opens the settings 5030 .. 5035 for 30 s on this connection, 0 closes; reads 1 while open", kKept, kAny},
     {kSave, "SAVE", enumeration, kNoUnit, "0x7361 stores the settings; exception 6 until it has finished", kKept,
@@ -92,13 +95,7 @@ std::span<const Register> control_rows() { return kControls; }
 
 Words::Words() noexcept {
     for (const Register& r : kControls)
-        (*this)[r.at] = r.limits.locked ? kAsConfigured : r.type == i16 ? kNoI16 : std::uint16_t(0);
-    forget_hints();
-}
-
-void Words::forget_hints() noexcept {
-    (*this)[kGripperState] = (*this)[kGripperForce] = kNoU16;
-    for (unsigned axis = 0; axis < 3; ++axis) (*this)[kGravityX + axis] = (*this)[kAccelX + axis] = kNoI16;
+        if (r.limits.locked) (*this)[r.at] = kAsConfigured;
 }
 
 }  // namespace tactiled::modbus

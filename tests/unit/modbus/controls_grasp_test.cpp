@@ -139,8 +139,8 @@ TEST_F(GraspControls, GravityInAWrongScaleIsRefusedWhole) {
     EXPECT_EQ(put(kGravityX, {0, 0, 1000}), kIllegalValue);                 // 0.001 g
     EXPECT_EQ(cell(kGravityX), kNoI16);
     nothing_was_sent();
-    EXPECT_EQ(put(kGravityX, {kNoI16, kNoI16, kNoI16}), kNone);  // not known
-    EXPECT_TRUE(std::isnan(sent().robot_G_m_s2[0]));
+    EXPECT_EQ(put(kGravityX, {kNoI16, kNoI16, kNoI16}), kNone);  // not known: the configured one stays
+    nothing_was_sent();
 }
 
 TEST_F(GraspControls, AnAccelerationIsOfTheMomentOfItsCount) {
@@ -164,13 +164,14 @@ TEST_F(GraspControls, WhatASilentPlcReportedIsForgotten) {
     controls_->tick(kSecond + 100'000'000);
     nothing_was_sent();
     controls_->tick(kSecond + 100'000'001);
-    EXPECT_EQ(sent().kind, Command::Kind::robot_is_silent);
+    EXPECT_EQ(sent().gripper, grasp::Hint::none);
+    EXPECT_TRUE(std::isnan(sent().robot_G_m_s2[0]));
     controls_->tick(kSecond + 200'000'000);
     nothing_was_sent();  // once
     for (const unsigned at : {5040u, 5041u, 5042u}) EXPECT_EQ(cell(at), kNoI16) << at;
     EXPECT_EQ(cell(kGripperState), kNoU16);
-    EXPECT_EQ(put(kGravityX + 2, std::uint16_t(-9810), 2 * kSecond), kNone);  // X and Y were those of an old direction
-    EXPECT_TRUE(std::isnan(sent().robot_G_m_s2[0]));
+    EXPECT_EQ(put(kGravityX + 2, std::uint16_t(-9810), 2 * kSecond), kIllegalValue);  // X and Y are of an old direction
+    nothing_was_sent();
 }
 
 TEST_F(GraspControls, NoHintIsSentThatNobodyWrote) {

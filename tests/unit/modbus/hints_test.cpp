@@ -1,5 +1,6 @@
 // Hints of the robot expire, and one write in each cycle has all that a PLC writes.
 #include <algorithm>
+#include <cmath>
 
 #include "controls_fixture.hpp"
 
@@ -8,15 +9,25 @@ namespace {
 
 class HintsTest : public ControlsTest {
 protected:
-    using Kinds = std::vector<Command::Kind>;
-    static constexpr auto kGravity = Command::Kind::gravity, kSilence = Command::Kind::robot_is_silent;
-    // Returns the kinds of the commands that were sent.
-    std::vector<Command::Kind> kinds() {
-        std::vector<Command::Kind> all;
-        for (; commands_.front() != nullptr; commands_.pop()) all.push_back(commands_.front()->kind);
+    using Sent = std::vector<std::string>;
+    // Returns what was sent: "gravity", or "no gravity" if it is not known; with "!" while a hint has expired.
+    Sent seen() {
+        Sent all;
+        for (; const Command* const command = commands_.front(); commands_.pop()) {
+            const bool is_state = command->kind == Command::Kind::hint;
+            const bool is_known = is_state ? command->gripper != grasp::Hint::none : !std::isnan(command->robot_G_m_s2[0]);
+            const char* const name = is_state                                       ? "state"
+                                     : command->kind == Command::Kind::gravity      ? "gravity"
+                                     : command->kind == Command::Kind::acceleration ? "acceleration"
+                                                                                    : "command";
+            all.push_back(std::string(is_known ? "" : "no ") + name + (command->hints_expired ? "!" : ""));
+        }
         return all;
     }
     void nothing_was_sent() { EXPECT_EQ(commands_.front(), nullptr); }
+    void be(unsigned host) { session_.host = HostAddress{std::uint8_t(host)}; }
+    static std::vector<unsigned> gravity() { return {0, 0, 9810}; }
+    static std::vector<unsigned> unknown() { return {kNoI16, kNoI16, kNoI16}; }
 };
 
 class ExpiringHints : public HintsTest {
@@ -26,23 +37,22 @@ protected:
         start();
     }
     static constexpr std::uint64_t kExpireNs = 2 * kSecond;
-    static std::vector<unsigned> gravity() { return {0, 0, 9810}; }
     bool is_silent(std::uint64_t now_ns) { return (global(now_ns)[kStatus] >> 12 & 1) != 0; }
 };
 
-TEST_F(ExpiringHints, TwoSecondsAfterTheLastOneAllLoseForce) {
+TEST_F(ExpiringHints, TwoSecondsAfterTheLastOneAllOfAClientLoseForce) {
     EXPECT_EQ(cell(kPlcWatchdog), 2000);
     EXPECT_FALSE(is_silent(100 * kSecond)) << "no PLC has written anything";
     EXPECT_EQ(put(kGravityX, gravity()), kNone);  // at 1 s
     EXPECT_EQ(put(kGripperState, 2, 2 * kSecond), kNone);
-    EXPECT_EQ(kinds(), (Kinds{kGravity, Command::Kind::hint}));
+    EXPECT_EQ(seen(), (Sent{"gravity", "state"}));
     EXPECT_FALSE(is_silent(2 * kSecond + kExpireNs)) << "any hint is a sign of life of all";
-    EXPECT_EQ(kinds(), Kinds{});
+    EXPECT_EQ(seen(), Sent{});
     EXPECT_TRUE(is_silent(2 * kSecond + kExpireNs + 1));
-    EXPECT_EQ(kinds(), Kinds{kSilence});
+    EXPECT_EQ(seen(), (Sent{"no state!", "no gravity!"}));
     EXPECT_EQ(put(kGripperForce, 5, 10 * kSecond), kNone);
     EXPECT_FALSE(is_silent(10 * kSecond));
-    EXPECT_EQ(kinds(), Kinds{}) << "gravity is not in force again";
+    EXPECT_EQ(seen(), Sent{}) << "gravity is not in force again";
 }
 
 TEST_F(ExpiringHints, EachWriteOfAHintAndEachNewHeartbeatIsASignOfLife) {
@@ -53,8 +63,7 @@ TEST_F(ExpiringHints, EachWriteOfAHintAndEachNewHeartbeatIsASignOfLife) {
         EXPECT_EQ(put(at, at == kGravityX ? 0 : 1, now_ns), kNone) << at;
     }
     for (unsigned beat = 1; beat < 4; ++beat) EXPECT_EQ(put(kPlcHeartbeat, beat, now_ns += kExpireNs), kNone);
-    const Kinds before = kinds();
-    EXPECT_EQ(std::count(before.begin(), before.end(), kSilence), 0);
+    EXPECT_EQ(seen(), (Sent{"gravity", "state"}));
     EXPECT_FALSE(is_silent(now_ns + kExpireNs));
     EXPECT_TRUE(is_silent(now_ns + kExpireNs + 1));
     EXPECT_EQ(put(kPlcHeartbeat, 3, now_ns + kExpireNs + 2), kNone);
@@ -62,38 +71,44 @@ TEST_F(ExpiringHints, EachWriteOfAHintAndEachNewHeartbeatIsASignOfLife) {
 }
 
 TEST_F(ExpiringHints, AScannerThatRepeatsTheLastWriteOfADeadPlcKeepsNothingInForce) {
-    const std::vector<unsigned> cycle{0, 0, 0, 0, 0, 7, 2, 100, 0, 0, 9810, 0, 0, 0, 1};
+    std::vector<unsigned> cycle{0, 0, 0, 0, 0, 7, 2, 100, 0, 0, 9810, 0, 0, 0, 1};
     std::uint64_t now_ns = kSecond;
     const auto repeat = [&](const std::vector<unsigned>& values) { return put_at(kCycleAt, values, now_ns); };
     EXPECT_EQ(repeat(cycle), kNone);
-    EXPECT_EQ(kinds(), (Kinds{Command::Kind::hint, kGravity, Command::Kind::acceleration}));
+    EXPECT_EQ(seen(), (Sent{"state", "gravity"})) << "the first acceleration may be an old one";
     for (now_ns += kSecond; now_ns < 10 * kSecond; now_ns += kSecond / 2) EXPECT_EQ(repeat(cycle), kNone);
-    const Kinds sent = kinds();
-    ASSERT_FALSE(sent.empty());
-    EXPECT_EQ(sent.back(), kSilence);
-    EXPECT_EQ(std::count(sent.begin(), sent.end(), kSilence), 1);
+    const Sent sent = seen();
+    ASSERT_GE(sent.size(), 2u);
+    EXPECT_EQ(Sent(sent.end() - 2, sent.end()), (Sent{"no state!", "no gravity!"}));
+    EXPECT_EQ(std::count(sent.begin(), sent.end(), "no gravity!"), 1);
     EXPECT_TRUE(is_silent(now_ns));
     EXPECT_EQ(cell(kGravityX + 2), kNoI16) << "not in force";
-    std::vector<unsigned> alive = cycle;
-    alive[5] = 8;
-    EXPECT_EQ(repeat(alive), kNone);
+    cycle[5] = 8;
+    EXPECT_EQ(repeat(cycle), kNone);
     EXPECT_FALSE(is_silent(now_ns));
-    EXPECT_EQ(kinds(), (Kinds{Command::Kind::hint, kGravity}));
+    EXPECT_EQ(seen(), (Sent{"state", "gravity"}));
 }
 
-TEST_F(ExpiringHints, AWatchdogOfZeroKeepsThemForEver) {
+TEST_F(ExpiringHints, AWatchdogOfZeroKeepsThoseOfItsWriterForEver) {
+    be(1);
     EXPECT_EQ(put(kPlcWatchdog, 0), kNone);
     EXPECT_EQ(put(kGravityX, gravity()), kNone);
-    EXPECT_FALSE(is_silent(1000 * kSecond));
-    EXPECT_EQ(kinds(), Kinds{kGravity});
+    be(2);
+    EXPECT_EQ(cell(kPlcWatchdog), 2000);
+    EXPECT_EQ(put(kGripperState, 2), kNone);
+    EXPECT_EQ(seen(), (Sent{"gravity", "state"}));
+    EXPECT_TRUE(is_silent(1000 * kSecond)) << "the one that is watched";
+    EXPECT_EQ(seen(), Sent{"no state!"});
+    be(1);
     EXPECT_EQ(put(kPlcWatchdog, 500, 1000 * kSecond), kNone);  // its change is a sign of life
     EXPECT_FALSE(is_silent(1000 * kSecond + kSecond / 2));
     EXPECT_TRUE(is_silent(1000 * kSecond + kSecond / 2 + 1));
-    EXPECT_EQ(kinds(), Kinds{kSilence});
+    EXPECT_EQ(seen(), Sent{"no gravity!"});
 }
 
-TEST_F(ExpiringHints, ASilenceForWhichThePipelineHasNoRoomComesBeforeNewHints) {
+TEST_F(ExpiringHints, AnEndForWhichThePipelineHasNoRoomIsSentUnlessItIsStatedAgain) {
     EXPECT_EQ(put(kGravityX, gravity()), kNone);
+    EXPECT_EQ(put(kGripperState, 2), kNone);
     while (Command* const slot = commands_.claim()) {
         *slot = Command{};
         commands_.push();
@@ -101,44 +116,124 @@ TEST_F(ExpiringHints, ASilenceForWhichThePipelineHasNoRoomComesBeforeNewHints) {
     commands_.commit();
     EXPECT_TRUE(is_silent(10 * kSecond));
     EXPECT_EQ(put_at(kGravityX, gravity(), 11 * kSecond), kNone);
-    (void)kinds();
+    (void)seen();
     controls_->tick(11 * kSecond);
-    EXPECT_EQ(kinds(), (Kinds{kSilence, kGravity}));
+    EXPECT_EQ(seen(), (Sent{"no state!", "gravity!"}));
 }
 
-// ---- one write in each cycle -------------------------------------------------------------------------------------------
+// ---- several clients ---------------------------------------------------------------------------------------------------
 
 TEST_F(ExpiringHints, NoClientKeepsTheHintsOfAnotherInForce) {
-    const auto as = [&](std::uint8_t host) { session_.host = HostAddress{host}; };
-    as(1);
+    be(1);
     EXPECT_EQ(put(kGravityX, gravity()), kNone);
-    as(2);
+    be(2);
     for (unsigned beat = 1; beat < 4; ++beat) EXPECT_EQ(put(kPlcHeartbeat, beat, beat * kSecond), kNone);
-    EXPECT_EQ(kinds(), Kinds{kGravity});
+    EXPECT_EQ(seen(), Sent{"gravity"});
     EXPECT_FALSE(is_silent(3 * kSecond + 1)) << "the client without hints is alive";
-    EXPECT_EQ(kinds(), Kinds{kSilence});
+    EXPECT_EQ(seen(), Sent{"no gravity!"});
     EXPECT_EQ(global(4 * kSecond)[kPlcHbEcho], 3);
-    as(1);
+    be(1);
     EXPECT_EQ(global(4 * kSecond)[kPlcHbEcho], 0) << "an echo is of the client's own heartbeat";
 }
 
 TEST_F(ExpiringHints, TwoGatewaysThatRepeatTheirLastWritesKeepNothingInForce) {
     const auto cycle = [&](unsigned host, std::uint64_t now_ns) {
-        session_.host = HostAddress{std::uint8_t(host)};
+        be(host);
         return put_at(kCycleAt, {0, 0, 0, 0, 0, host, 65535, 0, 0, 0, 9810, 0, 0, 0, host}, now_ns);
     };
     std::uint64_t now_ns = kSecond;
     for (; now_ns <= kSecond + kExpireNs; now_ns += kSecond / 10)
         for (const unsigned host : {1u, 2u}) EXPECT_EQ(cycle(host, now_ns), kNone);
-    (void)kinds();
+    (void)seen();
     EXPECT_TRUE(is_silent(now_ns));
-    (void)kinds();
+    (void)seen();
     for (const unsigned host : {1u, 2u}) EXPECT_EQ(cycle(host, now_ns), kNone);
-    EXPECT_EQ(kinds(), Kinds{});
+    EXPECT_EQ(seen(), Sent{});
 }
+
+TEST_F(ExpiringHints, WordsThatStateNothingDieWithNobody) {
+    EXPECT_EQ(put(kCycleAt, {0, 0, 0, 0, 0, 1, kNoU16, kNoU16, 0, 0, 0, kNoI16, kNoI16, kNoI16, 7}), kNone);
+    EXPECT_EQ(put(kGravityX, unknown()), kNone);
+    EXPECT_EQ(put(kAccelCount, 8), kNone);
+    EXPECT_FALSE(controls_->watches_plc());
+    controls_->tick(100 * kSecond);
+    EXPECT_EQ(seen(), Sent{});
+}
+
+TEST_F(ExpiringHints, ClientsThatStateNothingWithdrawNoHintOfAnother) {
+    be(1);
+    EXPECT_EQ(put(kGravityX, gravity()), kNone);
+    EXPECT_EQ(put(kGripperState, 2), kNone);
+    be(2);
+    for (const auto& nothing : {unknown(), std::vector<unsigned>{0, 0, 0}}) EXPECT_EQ(put(kGravityX, nothing), kNone);
+    EXPECT_EQ(put(kGripperState, kNoU16), kNone);
+    EXPECT_EQ(seen(), (Sent{"gravity", "state"}));
+    EXPECT_EQ(cell(kGravityX + 2), 9810);
+    be(1);
+    EXPECT_EQ(put(kGravityX, {0, 0, 0}), kNone);
+    EXPECT_EQ(seen(), Sent{"no gravity"});
+    EXPECT_EQ(cell(kGravityX + 2), kNoI16);
+}
+
+TEST_F(ExpiringHints, TheWarningLastsUntilEachHintThatExpiredIsStatedAgainOrWithdrawnByItsWriter) {
+    be(1);
+    EXPECT_EQ(put(kGravityX, gravity()), kNone);
+    EXPECT_EQ(put(kGripperState, 2), kNone);
+    controls_->tick(10 * kSecond);
+    EXPECT_EQ(seen(), (Sent{"gravity", "state", "no state!", "no gravity!"}));
+    be(2);
+    EXPECT_EQ(put_at(kGripperState, {3}, 10 * kSecond), kNone);
+    EXPECT_EQ(put_at(kGravityX, unknown(), 10 * kSecond), kNone);
+    EXPECT_EQ(seen(), Sent{"state!"}) << "gravity is still missing";
+    be(1);
+    EXPECT_EQ(put_at(kGravityX, unknown(), 10 * kSecond), kNone);
+    EXPECT_EQ(seen(), Sent{"no gravity"});
+}
+
+TEST_F(ExpiringHints, AClientWhosePlaceIsTakenLeavesNoHintInForce) {
+    be(1);
+    EXPECT_EQ(put(kGravityX, gravity()), kNone);
+    for (unsigned host = 2; host < 60; ++host) {
+        be(host);
+        EXPECT_EQ(put_at(kPlcHeartbeat, {host}, 2 * kSecond), kNone);
+    }
+    EXPECT_EQ(seen(), Sent{"gravity"});
+    controls_->tick(kSecond + kExpireNs + 1);
+    EXPECT_EQ(seen(), Sent{"no gravity!"});
+}
+
+// ---- one register at a time --------------------------------------------------------------------------------------------
+
+TEST_F(ExpiringHints, APartOfAGravityIsNeitherInForceNorShown) {
+    EXPECT_EQ(put(kGravityX, {0, 0, 9810}), kNone);
+    for (const unsigned at : {5040u, 5041u}) EXPECT_EQ(put(at, 5000), kNone);
+    EXPECT_EQ(seen(), Sent{"gravity"});
+    EXPECT_EQ(cell(kGravityX), 0);
+    EXPECT_EQ(put(kGravityX + 2, 9810), kIllegalValue) << "no gravity on Earth";
+    EXPECT_EQ(put(kGravityX + 2, 6800), kNone);
+    EXPECT_DOUBLE_EQ(sent().robot_G_m_s2[0], 5);
+    EXPECT_EQ(cell(kGravityX), 5000);
+    be(2);
+    EXPECT_EQ(put(kGravityX + 2, 9810), kIllegalValue) << "X and Y of this client are missing";
+}
+
+TEST_F(ExpiringHints, TheFirstCountOfAClientConfirmsNothing) {
+    const std::vector<unsigned> cycle{5, 6, 7, 41};
+    EXPECT_EQ(put(kAccelX, cycle), kNone) << "the daemon has restarted, the PLC's acceleration is an old one";
+    EXPECT_EQ(put(kAccelX, cycle), kNone);
+    EXPECT_EQ(seen(), Sent{});
+    EXPECT_EQ(cell(kAccelX), kNoI16) << "not in force";
+    EXPECT_EQ(put(kAccelX, {5, 6, 7, 42}), kNone);
+    EXPECT_EQ(seen(), Sent{"acceleration"});
+    EXPECT_EQ(put(kAccelX, {kNoI16, kNoI16, kNoI16, 0}), kNone) << "the PLC has restarted";
+    EXPECT_EQ(seen(), Sent{"no acceleration"});
+}
+
+// ---- one write in each cycle -------------------------------------------------------------------------------------------
 
 TEST_F(HintsTest, OneWriteOfACycleIsThatOfItsSingleRegisters) {
     const std::vector<unsigned> cycle{kResetPeaks, 1, 0, 0, 7, 9, 3, 250, 0, 0, 9810, 100, 200, 300, 1};
+    EXPECT_EQ(put(kAccelCount, 0), kNone);
     EXPECT_EQ(put(kCycleAt, cycle), kNone);
     EXPECT_EQ(sent().kind, Command::Kind::reset_peaks);
     EXPECT_EQ(sent().gripper, grasp::Hint::lifting);
@@ -180,11 +275,23 @@ TEST_F(HintsTest, AWriteOfACycleIsTakenWholeOrNotAtAll) {
     };
     EXPECT_EQ(refused(6, 6), kIllegalValue);      // no such state of the gripper
     EXPECT_EQ(refused(10, 1000), kIllegalValue);  // no gravity on Earth
+    EXPECT_EQ(put(kCycleAt, good), kNone);
+}
+
+TEST_F(HintsTest, ACommandInACycleThatCannotRunWaitsAndTheRestIsTaken) {
+    std::vector<unsigned> cycle{kResetPeaks, 1, 0, 0, 7, 9, 3, 250, 0, 0, 9810, 0, 0, 0, 1};
     EXPECT_EQ(put(kTareCell, 1), kNone);
     const Command tare = sent();
-    EXPECT_EQ(refused(0, kResetPeaks), kBusy);
+    EXPECT_EQ(put(kCycleAt, cycle), kNone);
+    EXPECT_EQ(seen(), (Sent{"state", "gravity"}));
+    EXPECT_EQ(global()[kPlcHbEcho], 9);
+    EXPECT_EQ(global()[kCmdSeqAck], 0);
+    EXPECT_EQ(put(kCmd, {kResetPeaks, 1, 0, 0, 7}), kBusy) << "elsewhere it is refused";
     answer(tare.number, TACTILED_COMMAND_DONE);
-    EXPECT_EQ(put(kCycleAt, good), kNone);
+    cycle[5] = 10;
+    EXPECT_EQ(put(kCycleAt, cycle), kNone);
+    EXPECT_EQ(sent().kind, Command::Kind::reset_peaks);
+    EXPECT_EQ(global()[kCmdSeqAck], 7);
 }
 
 TEST_F(HintsTest, AShorterWriteOfACycleLeavesTheHintsAsTheyAre) {
@@ -196,8 +303,9 @@ TEST_F(HintsTest, AShorterWriteOfACycleLeavesTheHintsAsTheyAre) {
 }
 
 TEST_F(HintsTest, AGripperWithoutAHintIsAHintOfNone) {
+    EXPECT_EQ(put(kGripperState, 2), kNone);
     EXPECT_EQ(put(kGripperState, kNoU16), kNone);
-    EXPECT_EQ(sent().gripper, grasp::Hint::none);
+    EXPECT_EQ(seen(), (Sent{"state", "no state"}));
     EXPECT_EQ(put(kGripperState, kNoU16 - 1), kIllegalValue);
 }
 
