@@ -12,7 +12,7 @@ using namespace modbus;
 constexpr char kDeclaration[] =
     R"((* Joins the pages of an array, one instance for each array. To begin, read {head} registers from {heads} + {head} n, n = 0 for
    the first sensor, into HEAD_REGS and call it with HEAD_READ. While BUSY, read {page} registers from PAGE_AT into PAGE_REGS
-   and call it with PAGE_READ. With neither in all other calls, also after an exception: begin again then. Call it in every
+   and call it with PAGE_READ and PAGE_FROM, the address that this read was requested with. With neither in all other calls, also after an exception: begin again then. Call it in every
    cycle, and use VALUES while OK: they are of one snapshot, those of a taxel together, -32768 without a force.
 
    The pages are those of the array whose head was read last on this connection: read one array after the other. *)
@@ -30,12 +30,13 @@ VAR_INPUT
     HEAD_REGS : T_TACTILED_HEAD_REGS;
     PAGE_REGS : T_TACTILED_PAGE_REGS;
     HEAD_READ : BOOL; (* HEAD_REGS were read since the last call *)
-    PAGE_READ : BOOL; (* its rising edge: PAGE_REGS were read from PAGE_AT *)
+    PAGE_READ : BOOL; (* its rising edge: PAGE_REGS were read *)
+    PAGE_FROM : UINT; (* the address of that read; a page that is not the one at PAGE_AT is not taken *)
 END_VAR
 VAR_OUTPUT
     BUSY : BOOL; (* the page at PAGE_AT is needed *)
     PAGE_AT : UINT;
-    VALID : BOOL; (* VALUES are whole, their last page was read within 0.9 s, and their head within {expires} s *)
+    VALID : BOOL; (* VALUES are whole, their last page was read within {fresh_s} s, and their head within {expires} s *)
     OK : BOOL; (* VALID, and GOOD *)
     MIXED : BOOL; (* a page had another token: begin again *)
     TOO_LONG : BOOL; (* the array has more values: print this text with a larger --values *)
@@ -64,7 +65,7 @@ constexpr char kBegin[] =
     WHOLE := FALSE;
     MIXED := FALSE;
     SINCE_HEAD(IN := FALSE, PT := T#{expires}s);
-    SINCE_READ(IN := FALSE, PT := T#900ms);
+    SINCE_READ(IN := FALSE, PT := {fresh});
     PAGE := 0;
     PAGE_AT := {pages};
     TOKEN := HEAD_REGS[0];
@@ -77,7 +78,7 @@ constexpr char kBegin[] =
 )";
 
 constexpr char kJoin[] =
-    R"(ELSIF PAGE_READ AND (NOT WAS_READ) AND BUSY THEN
+    R"(ELSIF PAGE_READ AND (NOT WAS_READ) AND BUSY AND (PAGE_FROM = PAGE_AT) THEN
     IF PAGE_REGS[0] = TOKEN THEN
         BASE := PAGE * {values};
         FOR IDX := 0 TO {last_index} DO
@@ -87,7 +88,7 @@ constexpr char kJoin[] =
         PAGE_AT := PAGE_AT + {page};
         WHOLE := PAGE = PAGES;
         BUSY := NOT WHOLE;
-        SINCE_READ(IN := FALSE, PT := T#900ms);
+        SINCE_READ(IN := FALSE, PT := {fresh});
     ELSE
         MIXED := TRUE;
         BUSY := FALSE;
@@ -95,7 +96,7 @@ constexpr char kJoin[] =
 END_IF;
 WAS_READ := PAGE_READ;
 SINCE_HEAD(IN := TRUE, PT := T#{expires}s);
-SINCE_READ(IN := TRUE, PT := T#900ms);
+SINCE_READ(IN := TRUE, PT := {fresh});
 VALID := WHOLE AND (NOT SINCE_HEAD.Q) AND (NOT SINCE_READ.Q);
 BUSY := BUSY AND (NOT SINCE_HEAD.Q);
 OK := VALID AND ((STATUS AND 16#0001) <> 16#0000);
@@ -109,13 +110,14 @@ std::string structured_arrays(unsigned values) {
     std::string out =
         fmt::format(kDeclaration, fmt::arg("head", kHeadSize), fmt::arg("heads", kHeadsAt), fmt::arg("page", kPageSize),
                     fmt::arg("last_of_head", kHeadSize - 1), fmt::arg("last_of_page", kPageSize - 1),
-                    fmt::arg("last_value", max_pages * kPageValues - 1), fmt::arg("expires", kExpires_s));
+                    fmt::arg("last_value", max_pages * kPageValues - 1), fmt::arg("expires", kExpires_s),
+                    fmt::arg("fresh_s", kFresh_ms / 1e3));
     out += fmt::format(kBegin, fmt::arg("pages", kPagesAt), fmt::arg("n_pages", unsigned(kArrayPages)),
                        fmt::arg("max_pages", max_pages), fmt::arg("status", unsigned(kArrayStatus)),
-                       fmt::arg("expires", kExpires_s));
+                       fmt::arg("expires", kExpires_s), fmt::arg("fresh", fresh()));
     find_unit(out, "HEAD_REGS[5]", "UNIT_N", "    ");
     return out + fmt::format(kJoin, fmt::arg("values", kPageValues), fmt::arg("last_index", kPageValues - 1),
-                             fmt::arg("page", kPageSize), fmt::arg("expires", kExpires_s));
+                             fmt::arg("page", kPageSize), fmt::arg("expires", kExpires_s), fmt::arg("fresh", fresh()));
 }
 
 }  // namespace tactiled::ctl

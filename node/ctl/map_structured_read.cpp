@@ -15,8 +15,7 @@ namespace {
 
 using namespace modbus;
 
-// 0.9 s: the promise is 1 s after the last good read, and a value is used within the cycle of its call, in tasks of up to
-// 100 ms. T#2s stands for every longer time.
+// T#2s stands for every time that is longer than kFresh_ms.
 constexpr char kTypesAndAge[] =
     R"(TYPE T_TACTILED_CELLS : ARRAY[0..{last_cell}] OF WORD;
 END_TYPE
@@ -47,7 +46,7 @@ VAR_INPUT
     AGE : TIME;
 END_VAR
 VAR_OUTPUT
-    FRESH : BOOL; (* the read is less than 0.9 s old *)
+    FRESH : BOOL; (* the read is less than {fresh_s} s old *)
 END_VAR
 VAR
     STARTED : BOOL;
@@ -67,7 +66,7 @@ ELSIF CALLS <> LAST_CALLS THEN
     HELD(IN := FALSE, PT := T#2s);
     HELD(IN := TRUE, PT := T#2s);
 END_IF;
-FRESH := BOUND + HELD.ET < T#900ms;
+FRESH := BOUND + HELD.ET < {fresh};
 PAUSE(IN := FALSE, PT := T#2s);
 PAUSE(IN := TRUE, PT := T#2s);
 LAST_ID := ID;
@@ -168,7 +167,7 @@ std::string read_view() {
     put_field(out, "DOUBTS", "T_TACTILED_PIECE", "likewise");
     put_field(out, "WRENCH", "T_TACTILED_PIECE", "for FB_TACTILED_WRENCH");
     put_field(out, "SENSOR", "T_TACTILED_JAWS", "for FB_TACTILED_SENSOR: the first two sensors");
-    put_field(out, "ARRIVES", "BOOL", "reads have been good within 0.9 s, as of this call: for a lamp");
+    put_field(out, "ARRIVES", "BOOL", "the last good read is fresh, as of this call: for a lamp");
     put_field(out, "WRONG_MAP", "BOOL", "no tactiled of this major version from 1.9 on, or off by one register");
     put_field(out, "TORN", "BOOL", "the registers are of two reads");
     out += fmt::format("END_VAR\n{}", kVariables);
@@ -178,7 +177,7 @@ std::string read_view() {
         node + kMagic0, node + kMagic1, node + kMapVersion, kMapMajor, kViewSize - 1);
     out += fmt::format(kJudge, fmt::arg("wrong", "WRONG_MAP OR TORN"), fmt::arg("seq", "VIEW_REGS[0]"),
                        fmt::arg("take", taken));
-    return out + stamped + "ARRIVES := AGE < T#900ms;\nEND_FUNCTION_BLOCK\n\n";
+    return out + stamped + "ARRIVES := AGE < " + fresh() + ";\nEND_FUNCTION_BLOCK\n\n";
 }
 
 std::string read_further() {
@@ -205,8 +204,9 @@ std::string read_further() {
 }  // namespace
 
 std::string structured_read() {
-    return fmt::format(kTypesAndAge, fmt::arg("last_cell", kGlobalSize - 1), fmt::arg("last", kViewSize - 1)) + read_view() +
-           read_further();
+    return fmt::format(kTypesAndAge, fmt::arg("last_cell", kGlobalSize - 1), fmt::arg("last", kViewSize - 1),
+                       fmt::arg("fresh", fresh()), fmt::arg("fresh_s", kFresh_ms / 1e3)) +
+           read_view() + read_further();
 }
 
 }  // namespace tactiled::ctl

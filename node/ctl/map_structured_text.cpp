@@ -58,12 +58,13 @@ constexpr char kHead[] =
 
    In every cycle, in a task of any period: read {size} registers from {view} into VIEW_REGS (FC 3 or 4), call FB_TACTILED, and
    then, where a value is used, FB_TACTILED_SENSOR, FB_TACTILED_WEIGHT, FB_TACTILED_WRENCH or FB_TACTILED_NODE. These blocks
-   hand out values while the last good read is less than 0.9 s old by the controller's clock, whoever failed: daemon, network,
-   reading code, or a call that is left out. Use a value while OK is TRUE.
+   hand out values while the last good read is less than {fresh_s} s old by the controller's clock, whether the daemon, the
+   network, the reading code or a call of a block has stopped. Use a value while OK is TRUE, in the cycle of that call. The age
+   counts from the arrival of a read: give requests a time-out of at most 100 ms, and no value is used 1 s after its answer.
 
    It is written in this subset of IEC 61131-3: TYPE, ARRAY, OF, STRUCT, FUNCTION_BLOCK, VAR, VAR_INPUT, VAR_OUTPUT,
    initial values, IF, THEN, ELSIF, ELSE, FOR, TO, DO, AND, OR, NOT, := = <> < + - * /, BOOL, WORD, INT, UINT, UDINT,
-   REAL, TIME, TON, WORD_TO_INT, WORD_TO_UINT, UINT_TO_WORD, INT_TO_WORD, INT_TO_REAL, UINT_TO_REAL, DINT_TO_REAL, REAL_TO_INT,
+   DINT, REAL, TIME, TON, WORD_TO_INT, WORD_TO_UINT, UINT_TO_WORD, INT_TO_WORD, INT_TO_REAL, UINT_TO_REAL, DINT_TO_REAL, REAL_TO_INT,
    INT_TO_DINT, UINT_TO_DINT, UINT_TO_UDINT. *)
 
 )";
@@ -76,9 +77,17 @@ void put_field(std::string& out, std::string_view name, std::string_view type, s
     out += "\n";
 }
 
+std::string fresh() { return fmt::format("T#{}ms", kFresh_ms); }
+
+void put_fresh(std::string& out) {
+    put_field(out, "FRESH", "BOOL",
+              fmt::format("the read is less than {} s old; otherwise nothing is known", kFresh_ms / 1e3));
+}
+
 std::string map_structured_text(unsigned values) {
-    std::string out = fmt::format(kHead, fmt::arg("major", kMapMajor), fmt::arg("minor", kMapMinor),
-                                  fmt::arg("size", kViewSize), fmt::arg("view", kViewAt));
+    std::string out =
+        fmt::format(kHead, fmt::arg("major", kMapMajor), fmt::arg("minor", kMapMinor), fmt::arg("size", kViewSize),
+                    fmt::arg("view", kViewAt), fmt::arg("fresh_s", kFresh_ms / 1e3));
     return out + structured_constants() + structured_read() + structured_values() + structured_write() +
            structured_arrays(values);
 }

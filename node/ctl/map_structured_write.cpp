@@ -1,8 +1,10 @@
 // The PLC function block that writes: the handshake of CMD_SEQ, the PLC's heartbeat, and the hints of the robot.
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "node/ctl/map_text.hpp"
-#include "node/modbus/table.hpp"
+#include "node/modbus/robot.hpp"
 
 namespace tactiled::ctl {
 namespace {
@@ -30,7 +32,7 @@ VAR_INPUT
     PARAM_H : UINT;
     PARAM_L : UINT;
     TIMEOUT : TIME := T#20s;
-    GRIPPER_STATE : UINT := 65535; (* C.GRIPPER_LIFTING and so on; 65535: no hint *)
+    GRIPPER_STATE : UINT := 65535; (* C.GRIPPER_LIFTING and so on; 65535 and any other number: no hint *)
     HAS_GRAVITY : BOOL; (* the robot turns the gripper, and GRAVITY is known *)
     GRAVITY_X : REAL; (* m/s2, frame G, 9.81 in all *)
     GRAVITY_Y : REAL;
@@ -46,7 +48,8 @@ VAR_OUTPUT
     DONE : BOOL; (* until the next EXECUTE *)
     ERROR : BOOL; (* likewise; RESULT tells why *)
     RESULT : UINT; (* C.RESULT_OK and so on *)
-    WRITES_ARRIVE : BOOL; (* the daemon has echoed another heartbeat within 0.9 s *)
+    WRITES_ARRIVE : BOOL; (* the daemon has echoed another heartbeat within {fresh_s} s *)
+    BAD_GRAVITY : BOOL; (* GRAVITY is not as on Earth: it is not stated, and the rest of the write is *)
 END_VAR
 VAR
     JUDGE : FB_TACTILED_AGE;
@@ -63,6 +66,8 @@ VAR
     SINCE_ECHO : TON;
     COUNT : UINT; (* of the values of ACCEL, whose words change with it alone *)
     STARTED : BOOL;
+    IDX : INT;
+    SQUARES : DINT;
 END_VAR
 
 )";
@@ -79,12 +84,12 @@ WRITE_REGS[{beat}] := UINT_TO_WORD(BEAT);
 IF FRESH THEN
     IF HAS_ECHO AND (NODE.CELLS[{echo}] <> LAST_ECHO) THEN
         ECHOED := TRUE;
-        SINCE_ECHO(IN := FALSE, PT := T#900ms);
+        SINCE_ECHO(IN := FALSE, PT := {fresh});
     END_IF;
     LAST_ECHO := NODE.CELLS[{echo}];
     HAS_ECHO := TRUE;
 END_IF;
-SINCE_ECHO(IN := TRUE, PT := T#900ms);
+SINCE_ECHO(IN := TRUE, PT := {fresh});
 WRITES_ARRIVE := FRESH AND ECHOED AND (NOT SINCE_ECHO.Q);
 
 IF EXECUTE AND (NOT WAS_EXECUTED) AND (NOT BUSY) THEN
@@ -137,7 +142,30 @@ IF SINCE_EXECUTE.Q THEN
 END_IF;
 
 WRITE_REGS[{gripper}] := UINT_TO_WORD(GRIPPER_STATE);
+IF {last_state} < GRIPPER_STATE THEN
+    WRITE_REGS[{gripper}] := 16#FFFF;
+END_IF;
+WRITE_REGS[{force}] := 16#FFFF;
 )";
+
+// Gravity is stated with its length, in counts of 0.001 m/s2, between the limits of the daemon, which refuses a whole write
+// for another one; 0, 0, 0 states nothing.
+constexpr char kGravity[] =
+    R"(    SQUARES := 0;
+    FOR IDX := {x} TO {z} DO
+        SQUARES := SQUARES + INT_TO_DINT(WORD_TO_INT(WRITE_REGS[IDX])) * INT_TO_DINT(WORD_TO_INT(WRITE_REGS[IDX]));
+    END_FOR;
+    BAD_GRAVITY := (SQUARES < {least}) OR ({most} < SQUARES);
+END_IF;
+IF BAD_GRAVITY OR (NOT HAS_GRAVITY) THEN
+)";
+
+// Returns the place of a register of the commands in the block that is written.
+unsigned place_of(std::uint16_t address) {
+    for (const Copy& copy : area_with(Block::cycle).copies)
+        if (address >= copy.from && address < copy.from + copy.count) return copy.at + (address - copy.from);
+    return 0;
+}
 
 // Writes one word into the three registers of a vector.
 std::string fill_vector(std::string_view indent, unsigned at, std::string_view word) {
@@ -147,14 +175,36 @@ std::string fill_vector(std::string_view indent, unsigned at, std::string_view w
 }
 
 // Begins an IF that writes the three components of a known vector, in 0.001 m/s2. A component out of range is not known.
-std::string write_vector(std::string_view name, unsigned at) {
+std::string write_vector(std::string_view name, unsigned at, double limit_m_s2) {
     std::string out = fmt::format("IF HAS_{}", name);
-    for (const char axis : {'X', 'Y', 'Z'}) out += fmt::format(" AND (-32.0 < {0}_{1}) AND ({0}_{1} < 32.0)", name, axis);
+    for (const char axis : {'X', 'Y', 'Z'})
+        out += fmt::format(" AND (-{2:.1f} < {0}_{1}) AND ({0}_{1} < {2:.1f})", name, axis, limit_m_s2);
     out += " THEN\n";
     for (const char axis : {'X', 'Y', 'Z'})
         out += fmt::format("    WRITE_REGS[{}] := INT_TO_WORD(REAL_TO_INT({}_{} * 1000.0));\n", at + unsigned(axis - 'X'),
                            name, axis);
     return out;
+}
+
+// The limits are those of the daemon less one count, because its sum of squares is rounded.
+std::string write_gravity() {
+    const auto squares = [](double length_m_s2) { return std::lround(length_m_s2 * length_m_s2 * 1e6); };
+    const unsigned at = place_of(kGravityX);
+    return "BAD_GRAVITY := HAS_GRAVITY;\n" + write_vector("GRAVITY", at, 10) +
+           fmt::format(kGravity, fmt::arg("x", at), fmt::arg("z", at + 2), fmt::arg("least", squares(Robot::kMinG_m_s2) + 1),
+                       fmt::arg("most", squares(Robot::kMaxG_m_s2) - 1)) +
+           fill_vector("    ", at, "16#0000") + "END_IF;\n";
+}
+
+// Its words begin with "not known", because a 0 that nobody measured would be an acceleration.
+std::string write_acceleration() {
+    const unsigned at = place_of(kAccelX);
+    return "IF NOT STARTED THEN\n" + fill_vector("    ", at, "16#8000") + "    STARTED := TRUE;\nEND_IF;\n" +
+           write_vector("ACCEL", at, 32) +
+           fmt::format(
+               "    IF COUNT = 65535 THEN\n        COUNT := 0;\n    ELSE\n        COUNT := COUNT + 1;\n    END_IF;\n"
+               "END_IF;\nWRITE_REGS[{}] := UINT_TO_WORD(COUNT);\n",
+               place_of(kAccelCount));
 }
 
 std::uint16_t value_of(std::string_view of, std::string_view id) {
@@ -163,33 +213,22 @@ std::uint16_t value_of(std::string_view of, std::string_view id) {
     return 0xFFFF;
 }
 
-// Returns the place of a register of the commands in the block that is written.
-unsigned place_of(std::uint16_t address) {
-    for (const Copy& copy : area_with(Block::cycle).copies)
-        if (address >= copy.from && address < copy.from + copy.count) return copy.at + (address - copy.from);
-    return 0;
-}
-
 }  // namespace
 
 std::string structured_write() {
     const auto result = [](std::string_view id) { return value_of("global.CMD_RESULT", id); };
     const auto state = [](std::string_view id) { return value_of("global.CMD_STATE", id); };
     return fmt::format(kDeclaration, fmt::arg("size", kCycleSize), fmt::arg("at", kCycleAt),
-                       fmt::arg("last", kCycleSize - 1)) +
+                       fmt::arg("last", kCycleSize - 1), fmt::arg("fresh_s", kFresh_ms / 1e3)) +
            fmt::format(kBody, fmt::arg("beat", place_of(kPlcHeartbeat)), fmt::arg("echo", unsigned(kPlcHbEcho)),
                        fmt::arg("ack", unsigned(kCmdSeqAck)), fmt::arg("state", unsigned(kCmdState)),
                        fmt::arg("result", unsigned(kCmdResult)), fmt::arg("ok", result("OK")),
                        fmt::arg("adopted", result("ADOPTED")), fmt::arg("timed_out", result("TIMED_OUT")),
                        fmt::arg("done", state("DONE")), fmt::arg("rejected", state("REJECTED")),
-                       fmt::arg("gripper", place_of(kGripperState))) +
-           fill_vector("", place_of(kGravityX), "16#0000") + write_vector("GRAVITY", place_of(kGravityX)) + "END_IF;\n" +
-           "IF NOT STARTED THEN\n" + fill_vector("    ", place_of(kAccelX), "16#8000") + "    STARTED := TRUE;\nEND_IF;\n" +
-           write_vector("ACCEL", place_of(kAccelX)) +
-           fmt::format(
-               "    IF COUNT = 65535 THEN\n        COUNT := 0;\n    ELSE\n        COUNT := COUNT + 1;\n    END_IF;\n"
-               "END_IF;\nWRITE_REGS[{}] := UINT_TO_WORD(COUNT);\nEND_FUNCTION_BLOCK\n\n",
-               place_of(kAccelCount));
+                       fmt::arg("gripper", place_of(kGripperState)),
+                       fmt::arg("last_state", writable_at(kGripperState)->limits.max),
+                       fmt::arg("force", place_of(kGripperForce)), fmt::arg("fresh", fresh())) +
+           write_gravity() + write_acceleration() + "END_FUNCTION_BLOCK\n\n";
 }
 
 }  // namespace tactiled::ctl

@@ -237,7 +237,7 @@ class FunctionBlock(unittest.TestCase):
         self.left.call(SENSOR=self.map.values["SENSOR"][0])
         self.command.call(NODE=self.map.values["NODE"], **inputs)
         if writes:
-            plc.write(5300, *self.command.values["WRITE_REGS"])
+            self.exception = plc.write(5300, *self.command.values["WRITE_REGS"])
 
     def until_valid(self, plc):
         def is_valid():
@@ -291,10 +291,32 @@ class FunctionBlock(unittest.TestCase):
             plc = held.plc()
             self.scan(plc)
             gravity = {"GRAVITY_X": 0.0, "GRAVITY_Y": 6.937, "GRAVITY_Z": -6.937}
-            for hint, words in (({"HAS_GRAVITY": False}, [0, 0, 0]), ({"HAS_GRAVITY": True, **gravity}, [0, 6937, -6937 & 0xFFFF]),
-                                ({"HAS_GRAVITY": True, "GRAVITY_X": 40.0}, [0, 0, 0]), ({"HAS_GRAVITY": False}, [0, 0, 0])):
+            for hint, words, is_bad in (({"HAS_GRAVITY": False}, [0, 0, 0], False), ({"HAS_GRAVITY": True, **gravity}, [0, 6937, -6937 & 0xFFFF], False),
+                                        ({"HAS_GRAVITY": True, "GRAVITY_X": 40.0}, [0, 0, 0], True), ({"HAS_GRAVITY": False}, [0, 0, 0], False)):
                 self.scan(plc, **hint)
-                self.assertEqual(self.command.value("WRITE_REGS")[8:11], words)
+                self.assertEqual((self.command.value("WRITE_REGS")[8:11], self.command.value("BAD_GRAVITY")), (words, is_bad))
+
+    def test_a_bad_hint_or_a_command_that_must_wait_takes_nothing_else_along(self):
+        with Held("tare_ms = 2000\n") as held:
+            plc, other = held.plc(), held.plc("127.0.0.2")
+            self.until_valid(plc)
+            for size, is_bad in ((9.69, True), (9.71, False), (9.89, False), (9.91, True), (0.0, True), (0.981, True)):
+                self.scan(plc, HAS_GRAVITY=True, GRAVITY_X=0.0, GRAVITY_Y=0.6 * size, GRAVITY_Z=-0.8 * size, GRIPPER_STATE=7)
+                self.assertEqual((self.exception, self.command.value("BAD_GRAVITY")), (0, is_bad))
+                self.assertEqual(self.command.value("WRITE_REGS")[6:8], [0xFFFF, 0xFFFF], "no such state of the gripper, no stated force")
+                self.assertEqual(plc.read(29, 1), [self.command.value("BEAT")], "the heartbeat is taken")
+            other.command(1, TARE, 1)
+            self.assertEqual(other.write(5000, TARE, 1, 0, 0, 2), 0)
+            wait_for(lambda: plc.read(7, 1)[0] >> 8 & 1, "the other PLC's tare")
+            self.scan(plc, EXECUTE=False)
+            self.scan(plc, EXECUTE=True, CMD=CLEAR, MASK=1, GRIPPER_STATE=3)
+            while plc.read(7, 1)[0] >> 8 & 1:
+                self.scan(plc)
+                self.assertEqual((self.exception, plc.read(29, 1)), (0, [self.command.value("BEAT")]))
+            while self.command.values["BUSY"]:
+                self.scan(plc)
+            self.assertEqual([self.command.value(name) for name in ("DONE", "RESULT")], [True, OK])
+            self.assertEqual(other.outcome(), (2, DONE, OK))
 
     def test_an_acceleration_keeps_its_words_until_a_slower_fieldbus_has_written_them(self):
         with Held() as held:

@@ -84,7 +84,7 @@ class Pages(unittest.TestCase):
         text = subprocess.run([BIN / "tactilectl", "map", "--format", "st", "--values", "1024"], capture_output=True, text=True, check=True).stdout
         plc = Program(text)
         block = plc.instance("FB_TACTILED_ARRAY")
-        call = {"HEAD_REGS": self.plc.latch(), "PAGE_REGS": [0] * 125}
+        call = {"HEAD_REGS": self.plc.latch(), "PAGE_REGS": [0] * 125, "PAGE_FROM": 0}
 
         def step(head=False, page=False):
             plc.now_ms += 100
@@ -94,6 +94,10 @@ class Pages(unittest.TestCase):
         self.assertEqual(step(head=True), [True, False, False])
         for n in range(9):
             self.assertEqual(block.value("PAGE_AT"), PAGES + 125 * n)
+            if n == 4:  # the page before, which was read twice: the second edge joins nothing
+                self.assertEqual(step(page=True), [True, False, False])
+                self.assertEqual((step()[0], block.value("PAGE_AT")), (True, PAGES + 125 * n))
+            call["PAGE_FROM"] = block.value("PAGE_AT")
             call["PAGE_REGS"] = self.plc.read(block.value("PAGE_AT"), 125)
             for _ in range(2):  # an edge, so that a page is joined once
                 self.assertEqual(step(page=True), [n < 8, n == 8, False])
@@ -103,9 +107,10 @@ class Pages(unittest.TestCase):
         self.assertEqual({block.value(f"VALUES[{i}]") for i in range(1024)}, {force})
         self.assertEqual((block.value("TAXELS"), block.value("OK")), (1024, bool(call["HEAD_REGS"][STATUS] & 1)))
         self.assertAlmostEqual(block.value("UNIT_N"), 0.01, places=6)
-        self.assertEqual([step()[1] for _ in range(10)], [True] * 6 + [False] * 4, "values are valid for 0.9 s after their last page")
+        self.assertEqual([step()[1] for _ in range(10)], [True] * 5 + [False] * 5, "values are valid for 0.8 s after their last page")
         call["HEAD_REGS"] = self.plc.latch()
         step(head=True)
+        call["PAGE_FROM"] = PAGES
         call["PAGE_REGS"] = [call["HEAD_REGS"][TOKEN] + 1 & 0xFFFF] + [0] * 124
         self.assertEqual(step(page=True), [False, False, True])
         small = Program(text.replace("9 < PAGES", "8 < PAGES")).instance("FB_TACTILED_ARRAY")
