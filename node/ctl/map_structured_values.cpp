@@ -37,13 +37,6 @@ bool is_number(const Register& r) { return r.type == Type::u16 || r.type == Type
 // Numbers of the stream itself, which say how old or how fast it is; they are known of a bad value, too.
 bool is_of_stream(const Register& r) { return r.unit.text == "ms" || r.unit.text == "Hz" || r.unit.text == "us"; }
 
-// The word of bits that is shown without a fresh read.
-std::string_view dead_word(const Register& r) {
-    for (const std::string_view good : {"OK", "CONTACT", "SENSORS", "WEIGHT_JAWS"})
-        if (r.name == good) return "16#0000";
-    return r.name == "STATUS" ? "16#8000" : "16#FFFF";  // STATUS: a fault or no value, in all three blocks
-}
-
 std::string name_of(const Register& r) {
     const Si* const si = is_number(r) ? si_of(r) : nullptr;
     return fmt::format("{}{}", r.name, si != nullptr ? si->end : "");
@@ -121,7 +114,7 @@ void unpack(std::string& out, const Rows& rows) {
         if (is_number(r))
             unpack_number(out, rows, r);
         else if (is_flags(r))
-            choose(out, rows.state, r.name, cell, dead_word(r));
+            choose(out, rows.state, r.name, cell, fmt::format("16#{:04X}", r.value.unread));
         else if (r.type == Type::enumeration)  // a fault is known of a bad value, too
             choose(out, r.name == "FAULT" || r.name.starts_with("CMD") ? rows.state : rows.number, r.name,
                    fmt::format("WORD_TO_UINT({})", cell), "65535");
@@ -151,7 +144,7 @@ std::string sensor_block() {
         "FB_TACTILED_SENSOR", {"SENSOR"}, "ACCEPT_UNCERTAIN");
     put_field(out, "OK", "BOOL", "the value is GOOD, and so is the read: use the components that HAS_FX to HAS_TZ name");
     put_field(out, "UNCERTAIN", "BOOL", "fresh, and the daemon calls the value uncertain; FAULT tells why");
-    put_field(out, "FRESH", "BOOL", "the read is less than 0.9 s old; otherwise nothing is known");
+    put_fresh(out);
     put_field(out, "HAS_VALUE", "BOOL", "HAS_FX, HAS_FY and HAS_FZ");
     put_field(out, "HAS_TORQUE", "BOOL", "HAS_TX, HAS_TY and HAS_TZ");
     put_field(out, "HAS_COP", "BOOL", "HAS_COP_X and HAS_COP_Y");
@@ -177,7 +170,7 @@ std::string wrench_block() {
         begin("The wrench on the gripper, in its frame G.", "FB_TACTILED_WRENCH", {"WRENCH"}, "ACCEPT_UNCERTAIN");
     put_field(out, "OK", "BOOL", "the value is GOOD, and so is the read");
     put_field(out, "UNCERTAIN", "BOOL", "fresh, and the daemon calls the value uncertain; STATUS tells why");
-    put_field(out, "FRESH", "BOOL", "the read is less than 0.9 s old; otherwise nothing is known");
+    put_fresh(out);
     declare(out, rows);
     out += "END_VAR\nVAR\n    JUDGE : FB_TACTILED_AGE;\n    USABLE : BOOL;\nEND_VAR\n\n" + judge("WRENCH");
     out +=
@@ -189,27 +182,27 @@ std::string wrench_block() {
 }
 
 // The rows of the global block that are about the grasp.
-const std::vector<std::string_view> kGraspRows{"GRIP_FORCE", "GRIP_STATE", "REC_GRIP"};
+const std::vector<std::string_view> kGraspRows{"GRIP_FORCE", "GRIP_STATE", "REC_GRIP", "WEIGHT_STATE"};
 const std::vector<std::string_view> kWeightRows{"WEIGHT", "WEIGHT_SD"};
-const std::vector<std::string_view> kWeightStateRows{"WEIGHT_STATE", "SLIP_COUNT"};
+const std::vector<std::string_view> kEventRows{"SLIP_COUNT"};
 
 std::vector<std::string_view> rows_of_weight() {
     std::vector<std::string_view> all = kGraspRows;
-    for (const auto& more : {kWeightRows, kWeightStateRows}) all.insert(all.end(), more.begin(), more.end());
+    for (const auto& more : {kWeightRows, kEventRows}) all.insert(all.end(), more.begin(), more.end());
     return all;
 }
 
 std::string weight_block() {
     const Area& global = area_with(Block::global);
     const Rows rows[] = {{global, "NODE", "STABLE", "FRESH", kWeightRows},
-                         {global, "NODE", "FRESH", "FRESH", kWeightStateRows},
+                         {global, "NODE", "FRESH", "FRESH", kEventRows},
                          {area_with(Block::doubts), "DOUBTS", "FRESH", "FRESH"},
                          {global, "NODE", "JAWS_OK", "FRESH", kGraspRows},
                          {area_with(Block::grasp), "GRASP", "JAWS_OK", "FRESH"}};
     std::string out = begin("Weight and grasp. What is not GOOD of any sensor makes the grasp not known (65535).",
                             "FB_TACTILED_WEIGHT", {"NODE", "GRASP", "DOUBTS"}, "ACCEPT_UNCERTAIN");
     put_field(out, "OK", "BOOL", "the weight is STABLE, every sensor GOOD, and the read fresh");
-    put_field(out, "FRESH", "BOOL", "the read is less than 0.9 s old; otherwise nothing is known");
+    put_fresh(out);
     put_field(out, "ALL_GOOD", "BOOL", "every sensor is GOOD");
     for (const Rows& each : rows) declare(out, each);
     out +=
@@ -230,7 +223,7 @@ std::string node_block() {
     const Rows rows{area_with(Block::global), "NODE", "FRESH", "FRESH", {}, rows_of_weight()};
     std::string out = begin("The state of the node. Without a fresh read the bits show every trouble: FAULT 16#FFFF, OK 0.",
                             "FB_TACTILED_NODE", {"NODE"}, "");
-    put_field(out, "FRESH", "BOOL", "the read is less than 0.9 s old; otherwise nothing is known");
+    put_fresh(out);
     declare(out, rows);
     out += "END_VAR\nVAR\n    JUDGE : FB_TACTILED_AGE;\nEND_VAR\n\n" + judge("NODE");
     unpack(out, rows);

@@ -53,6 +53,13 @@ constexpr Value reported(Value value) {
     return value;
 }
 
+// Marks a word of bits of which not every bit is a trouble.
+constexpr Value unread(std::uint16_t word, Value value) {
+    value.unread = word;
+    return value;
+}
+inline constexpr std::uint16_t kNothingGood = 0, kFaultAlone = 0x8000;  // words of these
+
 inline constexpr Unit kNoUnit{}, kBeats{"1 / 100 ms"}, kMilliseconds{"ms"}, kMicroseconds{"us"}, kHertz{"Hz"},
     kThousandth{"0.001", 1e-3}, kPermille{"0.1 %", 1e-3}, kForce{"0.01 N", kForceUnit_N},
     kSensorForce{"0.01 N", kForceUnit_N, true}, kTorque{"0.001 Nm", 1e-3}, kLength{"0.01 mm", 1e-5}, kMass{"0.1 g", 1e-4},

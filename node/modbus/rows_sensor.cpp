@@ -61,7 +61,7 @@ using enum Type;
 
 constexpr Register kSensor[] = {
     {0, "SEQ", count, kNoUnit, kSeqMeaning, sequence},
-    {kSensorStatus, "STATUS", bits, kNoUnit, "state of this sensor", status},
+    {kSensorStatus, "STATUS", bits, kNoUnit, "state of this sensor", unread(kFaultAlone, status)},
     {2, "FAULT", enumeration, kNoUnit, "the most serious reason why the value is not GOOD", fault},
     {3, "AGE_MS", u16, kMilliseconds, "time since the last byte of its frame; 65534 = that or more", sample_age_ms},
     {4, "FX", i16, kSensorForce, "force on the sensor, frame S: x along the connector",
@@ -202,7 +202,7 @@ double hand_kg(S s) noexcept { return s.tool.quality == TACTILED_NO_VALUE ? kNaN
 constexpr Register kTool[] = {
     {0, "SEQ", count, kNoUnit, kSeqMeaning, sequence},
     {1, "STATUS", bits, kNoUnit, "state of this wrench, which is what the world exerts on the gripper",
-     [](S s) { return tool_status(s) | (exceeds_range(tool_rows(), s) ? 1u << 10 : 0u); }},
+     unread(kFaultAlone, [](S s) { return tool_status(s) | (exceeds_range(tool_rows(), s) ? 1u << 10 : 0u); })},
     {2, "FX", i16, kForce, "force in G, less the weight of the hand: sum of all sensors of [tool]",
      reported(wrench<&Wrench::force_N, 0>)},
     {3, "FY", i16, kForce, "", reported(wrench<&Wrench::force_N, 1>)},
@@ -216,7 +216,7 @@ constexpr Register kTool[] = {
     {11, "SD_TX", u16, kTorque, "standard deviation of TX", reported(wrench<&Wrench::sd_torque_Nm, 0>)},
     {12, "SD_TY", u16, kTorque, "", reported(wrench<&Wrench::sd_torque_Nm, 1>)},
     {13, "SD_TZ", u16, kTorque, "", reported(wrench<&Wrench::sd_torque_Nm, 2>)},
-    {14, "SENSORS", mask, kNoUnit, "the sensors of the sum", [](S s) { return s.tool.sensors; }},
+    {14, "SENSORS", mask, kNoUnit, "the sensors of the sum", unread(kNothingGood, [](S s) { return s.tool.sensors; })},
     {15, "NO_VALUE", mask, kNoUnit, "sensors without a value: then the sum has none", [](S s) { return s.tool.bad; }},
     {16, "AGE_MS", u16, kMilliseconds, "age of the oldest frame in the sum; 65534 = that or more", tool_age_ms},
     {17, "MASS", u16, kGrams, "compensated mass of the hand", hand_kg},

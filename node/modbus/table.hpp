@@ -88,7 +88,8 @@ struct Source;
 // without captures. Registers that may be written have none: Controls keeps their words.
 struct Value {
     double (*of)(const Source&) noexcept = nullptr;
-    bool reports_range = false;  // a bit of STATUS reports that the value exceeds the range of the register
+    bool reports_range = false;     // a bit of STATUS reports that the value exceeds the range of the register
+    std::uint16_t unread = 0xFFFF;  // the PLC's text shows this for a word of bits without a fresh read: the worst
 
     constexpr Value() = default;
     constexpr Value(double (*function)(const Source&) noexcept) : of(function) {}
