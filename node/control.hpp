@@ -1,5 +1,5 @@
-// The control socket for requests of local users. AF_UNIX, one packet per request, one packet per answer. The file's
-// mode, 0660, decides who may connect.
+// The control socket takes requests of local users: AF_UNIX, with one packet for a request and one for its answer. The mode
+// of its file, 0660, decides who may connect.
 //
 //     request   NODE tare MASK | NODE untare MASK | NODE clear    MASK: bit n = sensor n, decimal or 0x...
 //               NODE weigh start | NODE weigh stop | NODE weigh zero
@@ -43,7 +43,9 @@ public:
     ControlSocket& operator=(const ControlSocket&) = delete;
 
 private:
-    // Clients that have not sent their request. They delay no other client, and cost only descriptors.
+    // Places of clients that have not sent their request. A client sends it at once, so that 64 programs that start together
+    // do not wait for each other; all places cost 64 descriptors and one poll() of as many. With more silent clients, a
+    // newcomer waits for kPatienceMs at most.
     static constexpr std::size_t kPlaces = 64;
     struct Silent {
         Descriptor client;
@@ -62,7 +64,7 @@ private:
 
     std::string path_;
     LockFile lock_;
-    dev_t device_ = 0;  // device and inode of the socket's file
+    dev_t device_ = 0;  // with inode_: identifies the socket's file, so that the end removes no other one
     ino_t inode_ = 0;
     std::string node_name_;
     std::string objects_path_;           // "" = there is no [grasp]

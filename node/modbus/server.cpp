@@ -30,8 +30,13 @@ constexpr std::uint64_t kRetryNs = 1'000'000'000;  // for the port, and after ru
 // A client keeps its place for this time after a complete request, against newcomers of hosts that hold as many places.
 // PLCs poll every 2 s or faster.
 constexpr std::uint64_t kKeepsPlaceNs = 5'000'000'000;
-constexpr int kBacklog = 128;            // a client for which the kernel has no room tries again after a second
-constexpr std::size_t kPlacesOfPlc = 4;  // connections of each listed address
+constexpr int kBacklog = 128;  // a client for which the kernel has no room tries again after a second
+// Connections of each listed address: a PLC has one or two, and as many may be left over from before it was switched off,
+// until keep-alive closes them after 11 s.
+constexpr std::size_t kPlacesOfPlc = 4;
+// A host gives a place to a newcomer if it holds so many more than the newcomer's host. After the exchange it still holds as
+// many; with a difference of one, two hosts would take the last place from each other for ever.
+constexpr std::size_t kGivesAtMore = 2;
 
 void watch(int epoll, int operation, int fd, std::uint32_t events) {
     epoll_event event{};
@@ -238,9 +243,9 @@ std::size_t ModbusServer::places_of(const sockaddr_storage& host, bool plc) cons
 }
 
 // Closes the client without a complete request for the longest time, of those that may lose their place: first one that
-// has never sent a request, then one of a host that holds two places more than the newcomer's, then one that is idle. Idle
-// clients, and many of one host, therefore keep no other host out, and the only client of a host keeps its place while it
-// polls. A listed PLC has reserved places, of which it loses its own oldest at once, because a PLC that was switched off
+// has never sent a request, then one of a host with kGivesAtMore more places than the newcomer's, then one that is idle.
+// Idle clients, and many of one host, therefore keep no other host out, and the only client of a host keeps its place while
+// it polls. A listed PLC has reserved places, of which it loses its own oldest at once, because a PLC that was switched off
 // leaves connections behind.
 bool ModbusServer::make_room(const sockaddr_storage& peer, bool plc, std::uint64_t now_ns) {
     const std::size_t held = places_of(peer, plc);
@@ -257,7 +262,7 @@ bool ModbusServer::make_room(const sockaddr_storage& peer, bool plc, std::uint64
     };
     if (plc) return close_oldest([&](const Client& c) { return modbus::same_host(c.peer, peer); });
     return close_oldest([](const Client& c) { return !c.has_asked(); }) ||
-           close_oldest([&](const Client& c) { return places_of(c.peer, false) >= held + 2; }) ||
+           close_oldest([&](const Client& c) { return places_of(c.peer, false) >= held + kGivesAtMore; }) ||
            close_oldest([&](const Client& c) { return now_ns - c.asked_ns() >= kKeepsPlaceNs; });
 }
 
