@@ -137,9 +137,8 @@ Each output of the product beside each way in which its data can end or become d
 {table}
 
 Home Assistant and Prometheus are models of their use of messages and queries. The PLC runs the printed text
-in an interpreter; for UNCERTAIN and weights it reads the last registers of the daemon with their bits.
-LinuxCNC is a model of its pins and its watchdog. UNCERTAIN and weights come from a forged segment, through
-the real bridges and readers. DDS finds its readers by multicast, which the test cannot cut.
+in an interpreter. LinuxCNC is a model of its pins and its watchdog. UNCERTAIN and weights come from a forged
+segment, through the real Modbus service, bridges and readers. DDS finds its readers by multicast, which the test cannot cut.
 """
 
 

@@ -27,6 +27,13 @@ def verdict(reasons):
     return max([GOOD] + [best for bit, _, _, best in REASONS if reasons & bit])
 
 
+def end_segment(file):
+    """Marks the segment in an open file as replaced, so that its readers look for the new one of the same name."""
+    file.seek(LAYOUT.offset("header", "state"))
+    file.write(struct.pack("=I", LAYOUT.enums["state"]["REPLACED"]))
+    file.flush()
+
+
 class Ring:
     def __init__(self, memory, offset, slot_size, slots, record_size, head_offset):
         self.memory, self.words = memory, memory.cast("I")

@@ -25,8 +25,7 @@ class Plc(Output):
 
     def read(self):
         time.sleep(0.03)
-        self.registers = self.rig.forged_registers() or self.answer()
-        self.rig.registers = self.registers
+        self.registers = self.answer()
         self.reads += 1
 
     def answer(self):

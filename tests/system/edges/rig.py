@@ -9,8 +9,7 @@ import time
 
 from bridge_process import Process
 from daemon import BIN, ROOT, free_port, halt, wait_for
-from forged_node import FAULTS, ForgedNode
-from plc_view import GOOD, SENSOR, UNCERTAIN, View
+from forged_node import ForgedNode, end_segment
 from unit_daemon import CONFIG, play, quality_is, unit_daemon
 from edges.relays import Network
 
@@ -18,7 +17,6 @@ BROKER = shutil.which("mosquitto") or "/usr/sbin/mosquitto"
 NEEDED = [BIN / name for name in ("tactiled-mqtt", "tactiled-dds", "tactiled-rdt", "tactiled-web", "fastdds_reader")] + [pathlib.Path(BROKER)]
 HERE = pathlib.Path(__file__).parent
 STALE_MS = 500
-VIEW_FAULT = SENSOR[0] + 2
 
 
 class Rig:
@@ -28,7 +26,7 @@ class Rig:
     def __init__(self):
         self.daemon = unit_daemon(config=CONFIG.replace("stale_ms = 2000", f"stale_ms = {STALE_MS}"))
         self.node, self.folder = self.daemon.name, self.daemon.folder
-        self.network, self.forged, self.registers, self.is_silent = Network(), None, None, False
+        self.network, self.forged, self.is_silent = Network(), None, False
         self.broker_port, web, rdt = free_port(), free_port(), free_port()
         (self.folder / "broker.conf").write_text(f"persistence false\nlistener {self.broker_port} 127.0.0.1\nallow_anonymous true\n")
         self.modbus, self.mqtt = self.network.tcp(self.daemon.port), self.network.tcp(self.broker_port)
@@ -110,40 +108,25 @@ class Rig:
     # ---- a node whose samples are chosen
 
     def forge(self):
+        """The daemon goes on, and its Modbus service serves the forged segment: to all its readers its own one has ended."""
         self.clear()
-        data = self.daemon.segment.read_bytes()
-        self.view = View(sensors=1)
-        self.view.cells = list(self.registers)
-        self.daemon.stop()
-        self.forged = ForgedNode(self.node, data)
-
-    def forged_registers(self):
-        """The daemon that answers a PLC has ended: its last registers go on, with the bits that MAP.md states."""
-        if self.forged is None:
-            return None
-        if self.network.is_cut or self.is_silent:
-            raise ConnectionError
-        return self.view.answer()
+        with open(self.daemon.segment, "r+b") as file:
+            self.forged = ForgedNode(self.node, file.read())
+            end_segment(file)
 
     def doubt(self, bit):
-        self.view.judge(UNCERTAIN, [0])
-        self.view.cells[VIEW_FAULT] = FAULTS[bit]
         self.forged.show(bit)
 
     def believe(self, _):
-        self.view.judge(GOOD, [0])
-        self.view.cells[VIEW_FAULT] = 0
         self.forged.show(0)
 
     def hold(self):
         """From now on the node holds an object of a stable weight, and the sensor is good."""
         self.believe(None)
         self.forged.show_grasp(state=4, weight_state=2, weight_kg=0.2, weight_sd_kg=0.002, weight_doubts=0)
-        self.view.weigh(2, 2000, 20)
 
     def doubt_weight(self, bit):
         self.forged.show_grasp(weight_state=1, weight_doubts=bit)
-        self.view.weigh(1, 2000, 20)
 
     def believe_weight(self, _):
         self.hold()
