@@ -138,7 +138,8 @@ Each output of the product beside each way in which its data can end or become d
 
 Home Assistant and Prometheus are models of their use of messages and queries. The PLC runs the printed text
 in an interpreter. LinuxCNC is a model of its pins and its watchdog. UNCERTAIN and weights come from a forged
-segment, through the real Modbus service, bridges and readers. DDS finds its readers by multicast, which the test cannot cut.
+segment, through the real Modbus service, bridges and readers. DDS finds its readers by multicast, which the
+test cannot cut.
 """
 
 
