@@ -57,7 +57,8 @@ void check(Args& args) {
 // A topic whose text is sent when it changes, and again before it expires.
 struct Renewed {
     std::string topic, said;
-    std::uint64_t sent_ns = 0;  // 0: is due
+    std::uint64_t sent_ns = 0;        // 0: is due
+    std::uint32_t cleared_after = 0;  // number of the connection over which the broker was told to forget the topic
 };
 
 // The topics and the last values of one sensor.
@@ -142,10 +143,18 @@ private:
         greet();
     }
 
+    // Makes a message due again. An empty retained message precedes the first one of a connection: the broker forgets a
+    // value that an earlier version retained without an end, or that the last will says for ever.
+    void begin(Renewed& renewed) {
+        renewed.sent_ns = 0;
+        if (!broker_.is_connected() || renewed.cleared_after == connections_) return;
+        if (broker_.publish(renewed.topic, "", Keep::kForever)) renewed.cleared_after = connections_;
+    }
+
     // Makes all messages due again, for a broker that has just been connected.
     void greet() {
-        for (Renewed* renewed : {&state_, &grasp_, &weight_}) renewed->sent_ns = 0;
-        for (Sensor& sensor : sensors_) sensor.quality.sent_ns = 0;
+        for (Renewed* renewed : {&state_, &grasp_, &weight_}) begin(*renewed);
+        for (Sensor& sensor : sensors_) begin(sensor.quality);
         if (args_.discovery.empty() || !broker_.is_connected()) return;
         for (const Sensor& sensor : sensors_)
             announce(discovery(args_.discovery, topics_, follower_.segment().sensor(sensor.index)));

@@ -89,6 +89,19 @@ class Expiry(MqttTest):
                 self.subscriber().until(lambda topic, message: topic.endswith("state") and not message["online"])
                 self.assertGreaterEqual(relay.refused, 1)
 
+    def test_the_retained_values_of_an_earlier_version_end_with_the_first_connection(self):
+        old = {f"{self.node}/left/quality": '{"schema":1,"quality":"good"}', f"{self.node}/grasp": '{"schema":1,"quality":"good","state":"holding"}',
+               f"{self.node}/state": '{"schema":1,"online":true,"daemon":true}'}
+        relay = OldBroker(self.broker.port, "3.1.1")
+        self.addCleanup(relay.close)
+        for port in (self.broker.port, relay.port):
+            for topic, text in old.items():
+                subprocess.run(["mosquitto_pub", "-p", str(self.broker.port), "-r", "-t", topic, "-m", text], check=True)
+            self.assertEqual(len(self.healthy_retained()), len(old))
+            server = self.bridge(port=port)
+            wait_for(lambda: not [line for line in self.healthy_retained() if '"schema":1' in line], f"the end of the old values at port {port}")
+            self.assertEqual(server.stop(), 0)
+
     def test_home_assistant_shows_what_is_good_and_nothing_else(self):
         self.bridge("--discovery", "homeassistant")
         home = self.home()

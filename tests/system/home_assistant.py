@@ -62,6 +62,8 @@ class HomeAssistant:
                 if topic.startswith(self.root + "/"):
                     self.find(Entity(json.loads(payload)))
                     continue
+                if not payload:  # no template has a result for it
+                    continue
                 if retained == "1":
                     self.retained[topic] = payload
                 for entity in self.entities.values():

@@ -91,8 +91,9 @@ class Subscriber:
 
     def read(self):
         for line in self.process.stdout:
-            topic, _, text = line.partition(" ")
-            self.messages.put((topic, json.loads(text)))
+            topic, _, text = line.rstrip("\n").partition(" ")
+            if text != "(null)":  # an empty message: the broker forgets what it retained
+                self.messages.put((topic, json.loads(text)))
 
     def until(self, condition, seconds=PATIENCE_S):
         """The first message for which condition(topic, message) is true."""

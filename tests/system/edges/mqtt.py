@@ -20,7 +20,7 @@ class Mqtt(Output):
     def came(self, line):
         topic, _, text = line.partition(" ")
         with self.lock:
-            self.last[topic] = (time.monotonic(), json.loads(text) if text else None)
+            self.last[topic] = (time.monotonic(), json.loads(text) if text != "(null)" else None)  # empty: the broker forgets what it retained
 
     def look(self):
         with self.lock:
