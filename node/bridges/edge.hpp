@@ -3,6 +3,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <span>
 
 #include "tactiled/reader.hpp"
 
@@ -98,12 +99,17 @@ constexpr std::uint32_t rdt_status(std::uint32_t quality, std::uint32_t reasons)
     return status;
 }
 
-// The grasp is BAD while its state is unknown, and UNCERTAIN while a sensor of the node is not GOOD, because the segment
-// does not say which sensors are jaws.
+// The quality of the state of the gripper, of its grip and of its counts. It is BAD while the state is unknown, and
+// UNCERTAIN while a sensor of the node is not GOOD, because the segment does not say which sensors are jaws.
 std::uint32_t grasp_quality(const tactiled_grasp& grasp, std::uint32_t worst_of_sensors);
-// The weight is GOOD where it is stable in a GOOD grasp, and BAD where it has no value.
+// The quality of the weight and of its state. It is GOOD where the weight is stable, without a doubt and in a GOOD grasp,
+// and BAD where there is no weight.
 std::uint32_t weight_quality(const tactiled_grasp& grasp, std::uint32_t worst_of_sensors);
-// The worst quality of all sensors, judged now; BAD without sensors.
+// The worse one of two qualities: no value is as bad as BAD.
+std::uint32_t worse(std::uint32_t a, std::uint32_t b);
+// The worst quality of the samples; BAD without samples.
+std::uint32_t worst_quality(std::span<const tactiled_sample> samples);
+// The same of all sensors, judged now.
 std::uint32_t worst_quality(const SegmentView& segment);
 
 // The time, CLOCK_MONOTONIC, at which a reader of the segment would call this sample BAD if the daemon published no other
