@@ -71,13 +71,18 @@ struct Sensor {
     Deadband deadband;
 };
 
+// A name for the topics that a bridge writes: the broker allows one client of it.
+std::string client_id(const Args& args) {
+    return (args.prefix == "tactiled" ? "" : args.prefix + "-") + "tactiled-mqtt-" + args.common.node;
+}
+
 class Bridge {
 public:
     explicit Bridge(const Args& args)
         : args_(args),
           topics_{args.prefix, args.common.node},
           follower_(args.common.node),
-          broker_(args.broker, "tactiled-mqtt-" + args.common.node, topics_.state(), last_will_text(), kExpiryS),
+          broker_(args.broker, client_id(args), topics_.state(), last_will_text(), kExpiryS),
           tool_pace_(args.common.rate_Hz) {
         state_.topic = topics_.state();
         grasp_.topic = topics_.of_node("grasp");
@@ -93,7 +98,7 @@ public:
         while (ctl::interrupted == 0) {
             follower_.look();
             if (std::exchange(structure_, follower_.structure()) != follower_.structure()) name_sensors();
-            if (broker_.fall_back())
+            if (broker_.choose_version())
                 fmt::print(stderr,
                            "tactiled-mqtt: the broker refuses MQTT 5: by 3.1.1, which has no expiry, no state is "
                            "retained, and a late subscriber waits for the next message\n");
@@ -178,13 +183,15 @@ private:
         if (batch.newest.quality == TACTILED_NO_VALUE || !broker_.is_connected()) return;
         sample = batch.newest;  // it may have become old since
         tactiled_judge(&sample, follower_.segment().c()->stale_ms[sensor.index], monotonic_ns());
-        renew(sensor.quality, quality_text(sample), fmt::format("{} {}", sample.quality, sample.reasons), Keep::kValue);
+        renew(sensor.quality, quality_text(sample, follower_.is_simulated()),
+              fmt::format("{} {}", sample.quality, sample.reasons), Keep::kValue);
     }
 
     void publish_batch(Sensor& sensor) {
         Batch& batch = sensor.batch;
         if (!sensor.pace.passes(batch.newest) || !sensor.deadband.passes(batch.newest, monotonic_ns())) return;
-        put(sensor.wrench_topic, wrench_text(batch, valid_until_ns(follower_.segment(), sensor.index, batch.newest)),
+        put(sensor.wrench_topic,
+            wrench_text(batch, valid_until_ns(follower_.segment(), sensor.index, batch.newest), follower_.is_simulated()),
             Keep::kValue);
         batch.samples = batch.bad = 0;
     }
@@ -200,9 +207,11 @@ private:
               fmt::format("{} {} {}", follower_.is_alive(), worst, follower_.is_alive() ? follower_.node().fault : 0),
               Keep::kState);
         if (!follower_.segment().is_open()) return;
+        const bool simulated = follower_.is_simulated();
         tactiled_grasp grasp = follower_.node().grasp;
         if (!follower_.is_alive()) tactiled_forget_grasp(&grasp);
-        const std::string of_grasp = grasp_text(grasp, worst), of_weight = weight_text(grasp, worst, names_);
+        const std::string of_grasp = grasp_text(grasp, worst, simulated),
+                          of_weight = weight_text(grasp, worst, names_, simulated);
         renew(grasp_, of_grasp, without_times(of_grasp), Keep::kValue);
         renew(weight_, of_weight, without_times(of_weight), Keep::kValue);
         const bool has_grasp = grasp.t_ns != 0, has_tool = follower_.node().tool.quality != TACTILED_NO_VALUE;
@@ -223,7 +232,8 @@ private:
         if (tool.quality == TACTILED_NO_VALUE) return;
         if (std::exchange(tool_t_ns_, tool.t_newest_ns) == tool.t_newest_ns && tool.quality == tool_quality_) return;
         if (!tool_pace_.passes(node.t_ns, tool_quality_ = tool.quality)) return;
-        put(topics_.of_node("tool"), tool_text(tool, valid_until_ns(follower_.segment(), node)), Keep::kValue);
+        put(topics_.of_node("tool"), tool_text(tool, valid_until_ns(follower_.segment(), node), follower_.is_simulated()),
+            Keep::kValue);
     }
 
     const Args& args_;

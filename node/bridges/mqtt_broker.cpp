@@ -62,7 +62,9 @@ void Broker::set_callbacks() {
     });
     mosquitto_disconnect_callback_set(client_, [](mosquitto*, void* self, int code) {
         auto& broker = *static_cast<Broker*>(self);
-        broker.connected_.store(false, std::memory_order_release);
+        const bool connected = broker.connected_.exchange(false, std::memory_order_acq_rel);
+        if (connected && code != 0 && !broker.version_5_.load(std::memory_order_relaxed))
+            broker.ended_3_1_1_.store(true, std::memory_order_release);
         const std::int64_t waiting = broker.waiting_.exchange(0, std::memory_order_relaxed);
         if (waiting > 0) broker.lost_.fetch_add(std::uint64_t(waiting), std::memory_order_relaxed);
         if (code != 0 && broker.state().rfind("refused", 0) != 0)
@@ -101,14 +103,28 @@ void Broker::begin() {
     require(mosquitto_loop_start(client_), "MQTT");
 }
 
-bool Broker::fall_back() {
-    if (!refused_5_.exchange(false, std::memory_order_acquire)) return false;
+void Broker::begin_again(bool version_5) {
     mosquitto_disconnect(client_);
     mosquitto_loop_stop(client_, false);
-    version_5_.store(false, std::memory_order_relaxed);
-    require(mosquitto_int_option(client_, MOSQ_OPT_PROTOCOL_VERSION, MQTT_PROTOCOL_V311), "MQTT 3.1.1");
+    version_5_.store(version_5, std::memory_order_relaxed);
+    require(mosquitto_int_option(client_, MOSQ_OPT_PROTOCOL_VERSION, version_5 ? MQTT_PROTOCOL_V5 : MQTT_PROTOCOL_V311),
+            "version of MQTT");
+    chosen_ = std::chrono::steady_clock::now();
     begin();
-    return true;
+}
+
+bool Broker::choose_version() {
+    if (refused_5_.exchange(false, std::memory_order_acquire)) {
+        begin_again(false);
+        return true;
+    }
+    // A broker that refuses 5 and drops connections of 3.1.1 is asked no more often than one that is away.
+    if (ended_3_1_1_.load(std::memory_order_acquire) && !is_connected() &&
+        std::chrono::steady_clock::now() - chosen_ >= std::chrono::seconds(kFirstRetryS)) {
+        ended_3_1_1_.store(false, std::memory_order_relaxed);
+        begin_again(true);
+    }
+    return false;
 }
 
 void Broker::set_state(const std::string& text) {

@@ -31,14 +31,16 @@ struct Batch {
     std::uint32_t samples = 0, bad = 0;
 };
 
+// `simulated`: no device measures the values of this node.
 // Texts with a time until which the value is valid as a reader of the segment judges it.
-std::string wrench_text(const Batch& batch, std::uint64_t until_ns);
-std::string tool_text(const tactiled_tool& tool, std::uint64_t until_ns);
+std::string wrench_text(const Batch& batch, std::uint64_t until_ns, bool simulated);
+std::string tool_text(const tactiled_tool& tool, std::uint64_t until_ns, bool simulated);
 // Texts that are true now and valid for kExpiryS. `worst`: quality of the worst sensor.
-std::string quality_text(const tactiled_sample& sample);
-std::string grasp_text(const tactiled_grasp& grasp, std::uint32_t worst);
+std::string quality_text(const tactiled_sample& sample, bool simulated);
+std::string grasp_text(const tactiled_grasp& grasp, std::uint32_t worst, bool simulated);
 // `sensors`: the names of the node's sensors, of which the text names those that are in doubt.
-std::string weight_text(const tactiled_grasp& grasp, std::uint32_t worst, const std::vector<std::string>& sensors);
+std::string weight_text(const tactiled_grasp& grasp, std::uint32_t worst, const std::vector<std::string>& sensors,
+                        bool simulated);
 std::string state_text(const Follower& follower, const Counts& counts, std::uint32_t worst);
 std::string last_will_text();
 // The text without its times: another one is a change.

@@ -89,6 +89,15 @@ class Expiry(MqttTest):
                 self.subscriber().until(lambda topic, message: topic.endswith("state") and not message["online"])
                 self.assertGreaterEqual(relay.refused, 1)
 
+    def test_mqtt_5_is_used_again_when_the_broker_speaks_it(self):
+        relay = OldBroker(self.broker.port, "3.1.1")
+        self.addCleanup(relay.close)
+        server = self.bridge(port=relay.port)
+        wait_for(lambda: "connected by MQTT 3.1.1" in server.log(), "the older version")
+        relay.renew()
+        wait_for(lambda: any('"online":true' in line for line in self.healthy_retained()), "a state that the broker retains")
+        wait_for(lambda: "tactiled-mqtt: connected;" in server.log(), "the message")
+
     def test_the_retained_values_of_an_earlier_version_end_with_the_first_connection(self):
         old = {f"{self.node}/left/quality": '{"schema":1,"quality":"good"}', f"{self.node}/grasp": '{"schema":1,"quality":"good","state":"holding"}',
                f"{self.node}/state": '{"schema":1,"online":true,"daemon":true}'}
