@@ -95,6 +95,10 @@ class ForgedNode:
         with self.lock:
             self.sensors[sensor].put("sample", member, value)
 
+    def put_status(self, status):
+        with self.lock:
+            self.node.put("node", "status", status)
+
     def show_grasp(self, **members):
         self.has_grasp = True
         self.put_part("grasp", members)
