@@ -9,6 +9,7 @@
 
 #include <chrono>
 #include <thread>
+#include <utility>
 
 #include "config/options.hpp"
 
@@ -26,7 +27,7 @@ void require(int result, const char* what) {
 
 Broker::Broker(const BrokerOptions& options, const std::string& client_id, const std::string& will_topic,
                const std::string& will_text, std::uint32_t expiry_s)
-    : options_(options), expiry_s_(expiry_s) {
+    : options_(options), expiry_s_(expiry_s), will_topic_(will_topic) {
     mosquitto_lib_init();
     client_ = mosquitto_new(client_id.c_str(), true, this);
     if (client_ == nullptr) throw SetupError("MQTT: the client could not be made");
@@ -70,6 +71,12 @@ void Broker::set_callbacks() {
         if (code != 0 && broker.state().rfind("refused", 0) != 0)
             broker.set_state(fmt::format("not connected: {}", mosquitto_strerror(code)));
     });
+    mosquitto_message_callback_set(client_, [](mosquitto*, void* self, const mosquitto_message* message) {
+        auto& broker = *static_cast<Broker*>(self);
+        if (message->retain || message->payloadlen <= 0) return;
+        const std::lock_guard lock(broker.mutex_);
+        broker.heard_.assign(static_cast<const char*>(message->payload), std::size_t(message->payloadlen));
+    });
     mosquitto_publish_callback_set(client_, [](mosquitto*, void* self, int) {
         static_cast<Broker*>(self)->waiting_.fetch_sub(1, std::memory_order_relaxed);
     });
@@ -81,6 +88,10 @@ void Broker::on_connection(int code) {
         // Data that the broker does not acknowledge for this time are never sent: a message expires 2 s after it has come.
         const unsigned unacknowledged_ms = expiry_s_ * 1000;
         ::setsockopt(mosquitto_socket(client_), IPPROTO_TCP, TCP_USER_TIMEOUT, &unacknowledged_ms, sizeof unacknowledged_ms);
+        if (version_5)
+            mosquitto_subscribe_v5(client_, nullptr, will_topic_.c_str(), 0, MQTT_SUB_OPT_NO_LOCAL, nullptr);
+        else
+            mosquitto_subscribe(client_, nullptr, will_topic_.c_str(), 0);
         set_state(version_5 ? "connected" : "connected by MQTT 3.1.1: no state is retained");
         waiting_.store(0, std::memory_order_relaxed);
         connections_.fetch_add(1, std::memory_order_release);
@@ -135,6 +146,11 @@ void Broker::set_state(const std::string& text) {
 std::string Broker::state() const {
     const std::lock_guard lock(mutex_);
     return state_;
+}
+
+std::string Broker::take_heard() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(heard_, {});
 }
 
 bool Broker::publish(const std::string& topic, const std::string& text, Keep keep) {

@@ -44,6 +44,8 @@ public:
     bool choose_version();
     // False: dropped, because there is no connection, or the broker takes nothing. Never blocks for the network.
     bool publish(const std::string& topic, const std::string& text, Keep keep);
+    // The newest message that came to will_topic since the last call, also of this client itself; "": none.
+    std::string take_heard();
     // Messages that were handed over and lost with a connection, since the last call.
     std::uint64_t take_lost() { return lost_.exchange(0, std::memory_order_relaxed); }
     // Sends `text` as the last message of will_topic, and waits for at most a second.
@@ -68,8 +70,9 @@ private:
     std::atomic<std::uint32_t> connections_{0};
     std::atomic<std::int64_t> waiting_{0};
     std::atomic<std::uint64_t> lost_{0};
-    mutable std::mutex mutex_;  // of state_
-    std::string state_ = "not connected";
+    const std::string will_topic_;
+    mutable std::mutex mutex_;  // of the following
+    std::string state_ = "not connected", heard_;
 };
 
 }  // namespace tactiled::bridges::mqtt

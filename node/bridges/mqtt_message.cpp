@@ -3,6 +3,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <tuple>
 
 #include "node/bridges/edge.hpp"
 #include "node/ctl/grasp_text.hpp"
@@ -101,11 +102,13 @@ std::string weight_text(const tactiled_grasp& g, std::uint32_t worst, const std:
     return dump(message);
 }
 
-std::string state_text(const Follower& follower, const Counts& counts, std::uint32_t worst) {
+std::string state_text(const Follower& follower, const Counts& counts, std::uint32_t worst, const Sender& sender) {
     json sensors = json::array();
     for (std::uint32_t i = 0; i < follower.n_sensors(); ++i) sensors.push_back(follower.segment().sensor(i).name);
     json message = head_now(follower.is_alive() ? worst : std::uint32_t(TACTILED_BAD), follower.is_simulated());
     message.update({{"online", true},
+                    {"bridge", sender.id},
+                    {"since_s", sender.since_s},
                     {"daemon", follower.is_alive()},
                     {"why", follower.why()},
                     {"sensors", sensors},
@@ -114,6 +117,18 @@ std::string state_text(const Follower& follower, const Counts& counts, std::uint
                     {"dropped", counts.dropped},
                     {"missed", follower.missed()}});
     return dump(message);
+}
+
+Sender sender_of(const std::string& text) {
+    const json message = json::parse(text, nullptr, false);
+    if (!message.is_object() || message.value("online", json()) != true) return {};
+    const json id = message.value("bridge", json()), since_s = message.value("since_s", json());
+    if (!id.is_string() || !since_s.is_number()) return {};
+    return {id, since_s};
+}
+
+bool gives_way(const Sender& mine, const Sender& other) {
+    return !other.id.empty() && other.id != mine.id && std::tie(other.since_s, other.id) < std::tie(mine.since_s, mine.id);
 }
 
 std::string last_will_text() {

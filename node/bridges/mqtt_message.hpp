@@ -25,6 +25,16 @@ struct Topics {
     }
 };
 
+// A bridge, in the messages of its state.
+struct Sender {
+    std::string id;      // of this process alone
+    double since_s = 0;  // since 1970
+};
+// The sender of the text if that is the state of a bridge that is connected; else one without an id.
+Sender sender_of(const std::string& text);
+// True if both send below one topic, and `mine` has to be silent: the one that was there first goes on.
+bool gives_way(const Sender& mine, const Sender& other);
+
 // The samples of one sensor since its last message: the newest, how many there were, and how many of them were BAD.
 struct Batch {
     tactiled_sample newest{};
@@ -41,7 +51,7 @@ std::string grasp_text(const tactiled_grasp& grasp, std::uint32_t worst, bool si
 // `sensors`: the names of the node's sensors, of which the text names those that are in doubt.
 std::string weight_text(const tactiled_grasp& grasp, std::uint32_t worst, const std::vector<std::string>& sensors,
                         bool simulated);
-std::string state_text(const Follower& follower, const Counts& counts, std::uint32_t worst);
+std::string state_text(const Follower& follower, const Counts& counts, std::uint32_t worst, const Sender& sender);
 std::string last_will_text();
 // The text without its times: another one is a change.
 std::string without_times(const std::string& text);

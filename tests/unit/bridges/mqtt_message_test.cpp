@@ -41,6 +41,18 @@ TEST(MqttMessage, ABadSampleHasNoNumbers) {
     EXPECT_EQ(message["reasons"], nlohmann::json::array({"stale"}));
 }
 
+TEST(MqttMessage, TheLaterOneOfTwoSendersGivesWay) {
+    const Sender first{"b", 1.0}, later{"a", 2.0}, same_time{"c", 1.0};
+    EXPECT_TRUE(gives_way(later, first));
+    EXPECT_FALSE(gives_way(first, later));
+    EXPECT_NE(gives_way(first, same_time), gives_way(same_time, first));
+    EXPECT_FALSE(gives_way(first, first));
+    EXPECT_FALSE(gives_way(first, sender_of(last_will_text())));
+    EXPECT_TRUE(gives_way(later, sender_of(R"({"online":true,"bridge":"b","since_s":1})")));
+    for (const char* rubbish : {"", "[]", "{", R"({"online":true})", R"({"online":true,"bridge":1,"since_s":"x"})"})
+        EXPECT_FALSE(gives_way(later, sender_of(rubbish))) << rubbish;
+}
+
 TEST(MqttMessage, AGraspThatIsNotKnownHasNoWeight) {
     tactiled_grasp grasp{};
     tactiled_forget_grasp(&grasp);
