@@ -1,5 +1,6 @@
 """A daemon, every bridge, a broker and a network that can be cut, each of which a cause can kill, stop and bring back."""
 import http.client
+import json
 import os
 import pathlib
 import shutil
@@ -9,9 +10,11 @@ import time
 
 from bridge_process import Process
 from daemon import BIN, ROOT, free_port, halt, wait_for
-from forged_node import FAULTS, ForgedNode
-from plc_view import GOOD, SENSOR, UNCERTAIN, View
+from forged_node import FAULTS, NO_VALUE, UNCERTAIN as FORGED_UNCERTAIN, ForgedNode
+from plc_view import GOOD, SENSOR, UNCERTAIN, WRENCH, View
+from python_reader import LAYOUT
 from unit_daemon import CONFIG, play, quality_is, unit_daemon
+from edges.output import TURN_S
 from edges.relays import Network
 
 BROKER = shutil.which("mosquitto") or "/usr/sbin/mosquitto"
@@ -19,11 +22,23 @@ NEEDED = [BIN / name for name in ("tactiled-mqtt", "tactiled-dds", "tactiled-rdt
 HERE = pathlib.Path(__file__).parent
 STALE_MS = 500
 VIEW_FAULT = SENSOR[0] + 2
+TOOL = """
+[tool]
+
+[[tool.sensor]]
+sensor = "left"
+x_S_in_G = [1, 0, 0]
+z_S_in_G = [0, 0, 1]
+position_G_mm = [0, 0, 0]
+"""
+TOOL_DOUBTED = LAYOUT.enums["tool_why"]["TOOL_DOUBTED"]
+# Retained by versions of the bridge before MQTT 5, without an end.
+OLD_RETAINED = {"left/quality": {"schema": 1, "quality": "good", "reasons": []}, "grasp": {"schema": 1, "quality": "good", "state": "holding", "slips": 0}}
 
 
 class Rig:
     bin, domain = BIN, "91"
-    cleared_s = 0.0
+    cleared_s, holds, view_state = 0.0, False, 2
 
     def __init__(self):
         self.daemon = unit_daemon(config=CONFIG.replace("stale_ms = 2000", f"stale_ms = {STALE_MS}"))
@@ -43,6 +58,8 @@ class Rig:
         self.daemon.start()
         wait_for(quality_is(self.daemon, "good"), "a good value")
         self.start_broker()
+        for topic, message in OLD_RETAINED.items():
+            subprocess.run(["mosquitto_pub", "-p", str(self.broker_port), "-r", "-t", f"tactiled/{self.node}/{topic}", "-m", json.dumps(message)], check=True)
         self.start_bridges()
 
     def compile(self):
@@ -110,12 +127,17 @@ class Rig:
     # ---- a node whose samples are chosen
 
     def forge(self):
-        self.clear()
+        self.daemon.stop()
+        self.daemon.config.write_text(self.daemon.config.read_text() + TOOL)
+        self.daemon.start()
+        wait_for(quality_is(self.daemon, "good"), "a good value")
         data = self.daemon.segment.read_bytes()
         self.view = View(sensors=1)
-        self.view.cells = list(self.registers)
+        self.view.cells[:] = self.registers
         self.daemon.stop()
         self.forged = ForgedNode(self.node, data)
+        self.forged.show_tool(quality=NO_VALUE)
+        self.forged.clock = lambda now_ns: now_ns / 1e9 % TURN_S
 
     def forged_registers(self):
         """The daemon that answers a PLC has ended: its last registers go on, with the bits that MAP.md states."""
@@ -123,6 +145,8 @@ class Rig:
             return None
         if self.network.is_cut or self.is_silent:
             raise ConnectionError
+        if self.holds:
+            self.view.weigh(self.view_state, round(time.monotonic() % TURN_S * 1e4), 20)
         return self.view.answer()
 
     def doubt(self, bit):
@@ -138,15 +162,26 @@ class Rig:
     def hold(self):
         """From now on the node holds an object of a stable weight, and the sensor is good."""
         self.believe(None)
+        self.holds, self.view_state = True, 2
         self.forged.show_grasp(state=4, weight_state=2, weight_kg=0.2, weight_sd_kg=0.002, weight_doubts=0)
-        self.view.weigh(2, 2000, 20)
+        self.forged.show_tool(quality=GOOD, why=0, sd_force_N=(0.1, 0.1, 0.1))
+        self.view.cells[WRENCH + 1:WRENCH + 14] = [1 << 8, 100, 0xFF9C, 300, 1, 2, 3, 10, 10, 10, 1, 1, 1]
 
     def doubt_weight(self, bit):
-        self.forged.show_grasp(weight_state=1, weight_doubts=bit)
-        self.view.weigh(1, 2000, 20)
+        """The state alone (bit 0), or the doubt alone: no doubt may hide behind the state. A PLC has the state with each doubt, as MAP.md states."""
+        self.forged.show_grasp(weight_state=2 if bit else 1, weight_doubts=bit)
+        self.view_state = 1
 
     def believe_weight(self, _):
         self.hold()
+
+    def doubt_tool(self, _):
+        self.forged.show_tool(quality=FORGED_UNCERTAIN, why=TOOL_DOUBTED)
+        self.view.cells[WRENCH + 1] = 1 << 9
+
+    def believe_tool(self, _):
+        self.forged.show_tool(quality=GOOD, why=0)
+        self.view.cells[WRENCH + 1] = 1 << 8
 
     def stop_forging(self, _):
         self.is_silent = True
