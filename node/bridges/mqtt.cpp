@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <memory>
-#include <random>
 
 #include "config/options.hpp"
 #include "config/text_file.hpp"
@@ -72,20 +71,14 @@ struct Sensor {
     Deadband deadband;
 };
 
-// A name of this process: a broker ends the connection of an older client with the name of a new one.
-Sender make_sender(const std::string& node) {
-    std::random_device random;
-    return {fmt::format("tactiled-mqtt-{}-{:08x}", node, random()), wall_s(monotonic_ns())};
-}
-
 class Bridge {
 public:
     explicit Bridge(const Args& args)
         : args_(args),
           topics_{args.prefix, args.common.node},
           follower_(args.common.node),
-          sender_(make_sender(args.common.node)),
-          broker_(args.broker, sender_.id, topics_.state(), last_will_text(), kExpiryS),
+          precedence_(args.common.node),
+          broker_(args.broker, precedence_.mine().id, topics_.state(), last_will_text(), kExpiryS),
           tool_pace_(args.common.rate_Hz) {
         state_.topic = topics_.state();
         grasp_.topic = topics_.of_node("grasp");
@@ -107,37 +100,29 @@ public:
                            "retained, and a late subscriber waits for the next message\n");
             const std::uint32_t connections = broker_.connections();
             if (std::exchange(connections_, connections) != connections) greet();
-            listen();
+            if (precedence_.hear(broker_.take_heard())) greet();
             for (Sensor& sensor : sensors_) publish(sensor);
             publish_node();
             counts_.dropped += broker_.take_lost();
             report_.tick(follower_, counts_, said());
             follower_.wait(monotonic_ns() + std::max<std::uint64_t>(tick_ns, 20'000'000), tick_ns);
         }
-        if (!is_silent()) broker_.close(topics_.state(), last_will_text());
+        if (!precedence_.is_silent()) broker_.close(topics_.state(), last_will_text());
         counts_.dropped += broker_.take_lost();
         report_.ended(follower_, counts_);
         return ctl::kGood;
     }
 
 private:
-    // Another bridge sends below this topic, and was there first. It says so each 0.5 s; this one goes on after its end.
-    void listen() {
-        const std::string heard = broker_.take_heard();
-        const bool silent = is_silent();
-        if (!heard.empty() && gives_way(sender_, sender_of(heard)))
-            other_until_ns_ = monotonic_ns() + kExpiryS * 1'000'000'000ull;
-        if (silent && !is_silent()) greet();
-    }
-    [[nodiscard]] bool is_silent() const { return monotonic_ns() < other_until_ns_; }
     [[nodiscard]] std::string said() const {
-        return is_silent() ? "silent, because another bridge sends below " + topics_.prefix + "/" + topics_.node +
-                                 ": give one of the nodes another name, or one of the bridges another --prefix"
-                           : broker_.state();
+        return precedence_.is_silent()
+                   ? "silent, because another bridge sends below " + topics_.prefix + "/" + topics_.node +
+                         ": give one of the nodes another name, or one of the bridges another --prefix"
+                   : broker_.state();
     }
 
     void put(const std::string& topic, const std::string& text, Keep keep) {
-        if (is_silent()) return;
+        if (precedence_.is_silent()) return;
         ++(broker_.publish(topic, text, keep) ? counts_.sent : counts_.dropped);
     }
 
@@ -172,7 +157,7 @@ private:
     // value that an earlier version retained without an end, or that the last will says for ever.
     void begin(Renewed& renewed) {
         renewed.sent_ns = 0;
-        if (!broker_.is_connected() || is_silent() || renewed.cleared_after == connections_) return;
+        if (!broker_.is_connected() || precedence_.is_silent() || renewed.cleared_after == connections_) return;
         if (broker_.publish(renewed.topic, "", Keep::kForever)) renewed.cleared_after = connections_;
     }
 
@@ -223,7 +208,7 @@ private:
         if (!changed && state_.sent_ns != 0 && now_ns - looked_ns_ < kLookEachNs) return publish_tool();
         looked_ns_ = now_ns;
         const std::uint32_t worst = follower_.is_alive() ? worst_quality(follower_.segment()) : std::uint32_t(TACTILED_BAD);
-        renew(state_, state_text(follower_, counts_, worst, sender_),
+        renew(state_, state_text(follower_, counts_, worst, precedence_.mine()),
               fmt::format("{} {} {}", follower_.is_alive(), worst, follower_.is_alive() ? follower_.node().fault : 0),
               Keep::kState);
         if (!follower_.segment().is_open()) return;
@@ -259,13 +244,13 @@ private:
     const Args& args_;
     Topics topics_;
     Follower follower_;
-    const Sender sender_;
+    Precedence precedence_;
     Broker broker_;
     std::vector<Sensor> sensors_;
     std::vector<std::string> names_;  // all sensors of the node
     Renewed state_, grasp_, weight_;
     Pace tool_pace_;
-    std::uint64_t structure_ = 0, looked_ns_ = 0, tool_t_ns_ = 0, other_until_ns_ = 0;
+    std::uint64_t structure_ = 0, looked_ns_ = 0, tool_t_ns_ = 0;
     std::uint32_t connections_ = 0, tool_quality_ = TACTILED_NO_VALUE;
     bool alive_ = false, has_grasp_ = false, has_tool_ = false;
     Counts counts_;

@@ -71,7 +71,7 @@ private:
     std::atomic<std::int64_t> waiting_{0};
     std::atomic<std::uint64_t> lost_{0};
     const std::string will_topic_;
-    mutable std::mutex mutex_;  // of the following
+    mutable std::mutex mutex_;  // guards the following
     std::string state_ = "not connected", heard_;
 };
 

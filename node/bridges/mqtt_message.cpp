@@ -1,7 +1,10 @@
 #include "node/bridges/mqtt_message.hpp"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <random>
 #include <sstream>
 #include <tuple>
 
@@ -129,6 +132,18 @@ Sender sender_of(const std::string& text) {
 
 bool gives_way(const Sender& mine, const Sender& other) {
     return !other.id.empty() && other.id != mine.id && std::tie(other.since_s, other.id) < std::tie(mine.since_s, mine.id);
+}
+
+Precedence::Precedence(const std::string& node) {
+    std::random_device random;
+    mine_ = {fmt::format("tactiled-mqtt-{}-{:08x}", node, random()), wall_s(monotonic_ns())};
+}
+
+bool Precedence::hear(const std::string& text) {
+    const std::uint64_t now_ns = monotonic_ns();
+    if (!text.empty() && gives_way(mine_, sender_of(text))) until_ns_ = now_ns + kExpiryS * 1'000'000'000ull;
+    const bool was_silent = std::exchange(silent_, now_ns < until_ns_);
+    return was_silent && !silent_;
 }
 
 std::string last_will_text() {

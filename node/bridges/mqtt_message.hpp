@@ -27,13 +27,28 @@ struct Topics {
 
 // A bridge, in the messages of its state.
 struct Sender {
-    std::string id;      // of this process alone
-    double since_s = 0;  // since 1970
+    std::string id;      // names this process alone
+    double since_s = 0;  // when it began, since 1970
 };
 // The sender of the text if that is the state of a bridge that is connected; else one without an id.
 Sender sender_of(const std::string& text);
 // True if both send below one topic, and `mine` has to be silent: the one that was there first goes on.
 bool gives_way(const Sender& mine, const Sender& other);
+
+// Keeps a bridge silent while another one, which was there first, says each 0.5 s that it sends below the same topic.
+class Precedence {
+public:
+    explicit Precedence(const std::string& node);
+    [[nodiscard]] const Sender& mine() const { return mine_; }
+    // `text`: a state that has come to the topic, or "". True: this bridge may send again.
+    bool hear(const std::string& text);
+    [[nodiscard]] bool is_silent() const { return silent_; }
+
+private:
+    Sender mine_;
+    std::uint64_t until_ns_ = 0;
+    bool silent_ = false;
+};
 
 // The samples of one sensor since its last message: the newest, how many there were, and how many of them were BAD.
 struct Batch {

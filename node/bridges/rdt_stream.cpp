@@ -113,11 +113,10 @@ void Stream::make_place(const sockaddr_storage& from) {
                kMaxClients, lost_places_);
 }
 
-// False: it has all that it asked for.
+// Returns false if the client has all the records that it asked for.
 bool Stream::send_to(Client& client, const tactiled_sample& sample, Wrench values, Counts& counts) {
     if (!client.pace.passes(sample)) return true;
-    if (client.wants_bias &&
-        sample.quality == TACTILED_GOOD) {  // a doubtful value waits, since the bias would outlive its doubt
+    if (client.wants_bias && sample.quality == TACTILED_GOOD) {  // the bias of a doubtful value would outlive its doubt
         client.wants_bias = false;
         client.bias = values;
         client.bias_tare = sample.tare_count;
@@ -138,7 +137,7 @@ bool Stream::send_to(Client& client, const tactiled_sample& sample, Wrench value
     return client.left == 0 || --client.left > 0;
 }
 
-// Clients whose port is closed.
+// Removes the clients whose port is closed.
 void Stream::drop_gone() {
     for (;;) {
         std::array<std::uint8_t, kRecordSize> bytes;
