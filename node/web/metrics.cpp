@@ -68,7 +68,8 @@ void put_qualities(Page& page, const std::string& labels, std::uint32_t quality)
 void put_axes(Page& page, const std::string& labels, std::uint32_t quality, const double (&values)[3]) {
     const std::string marked = mark(quality);
     if (marked.empty()) return;
-    for (std::size_t c = 0; c < 3; ++c) page.sample(labels + label("axis", kAxes[c]) + "," + marked, values[c]);
+    for (std::size_t c = 0; c < 3; ++c)
+        page.sample(fmt::format("{}{},{}", labels, label("axis", kAxes[c]), marked), values[c]);
 }
 
 // One sample for each bit, with the word that `word_of` gives for it.
