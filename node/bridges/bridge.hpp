@@ -20,10 +20,10 @@ struct Common {
 // Adds --version, --node, --runtime-dir, --sensor and --rate-Hz.
 void add_common_options(ctl::Command app, Common& common);
 
-// A name as a level of a topic: letters, digits and underscores, not beginning with a digit.
+// Makes a name a level of a topic, which has letters, digits and underscores and begins with no digit.
 std::string topic_word(const std::string& name);
 std::vector<std::string> reason_words(std::uint32_t reasons);
-// Seconds since 1970 of a time of CLOCK_MONOTONIC, by the clocks' difference now.
+// Converts a time of CLOCK_MONOTONIC to seconds since 1970, by the difference of the clocks now.
 double wall_s(std::uint64_t monotonic_ns);
 
 // Lets the samples of one sensor pass: at most `rate_Hz`, and each change of quality at once.
@@ -31,7 +31,7 @@ class Pace {
 public:
     explicit Pace(double rate_Hz) : period_ns_(rate_Hz > 0 ? std::uint64_t(1e9 / rate_Hz) : 0) {}
     bool passes(const tactiled_sample& sample) { return passes(sample.t_published_ns, sample.quality); }
-    // `t_ns`: when the value was published.
+    // `t_ns` is the time at which the value was published.
     bool passes(std::uint64_t t_ns, std::uint32_t quality);
 
 private:
@@ -39,7 +39,7 @@ private:
     std::uint32_t quality_ = ~0u;
 };
 
-// Messages that a bridge handed over, and those that it had to drop.
+// Counts the messages that a bridge handed over, and those that it had to drop.
 struct Counts {
     std::uint64_t sent = 0, dropped = 0;
 };
@@ -48,9 +48,10 @@ struct Counts {
 class Report {
 public:
     explicit Report(std::string program) : program_(std::move(program)) {}
-    // After set-up.
+    // Says that the set-up is complete.
     void ready(const std::string& text) const;
-    // `state`: for a person, such as "connected". Logs each change of `state` and of the daemon's life, and losses.
+    // Logs each change of `state`, which is a text for a person such as "connected", each change of the daemon's life, and
+    // losses.
     void tick(const Follower& follower, const Counts& counts, const std::string& state);
     void ended(const Follower& follower, const Counts& counts) const;
 

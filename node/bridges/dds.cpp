@@ -9,6 +9,7 @@
 #include "node/bridges/dds_domain.hpp"
 #include "node/bridges/edge.hpp"
 #include "node/ctl/command_line.hpp"
+#include "node/ctl/status_text.hpp"
 
 namespace tactiled::bridges::dds {
 namespace {
@@ -120,6 +121,7 @@ private:
             tactiled_forget_tool(&node.tool);
         }
         if (node.grasp.t_ns != 0) publish_grasp(node);
+        due_ |= std::exchange(tool_quality_, node.tool.quality) != node.tool.quality;
         if (node.tool.quality != TACTILED_NO_VALUE) publish_tool(node);
     }
 
@@ -146,6 +148,18 @@ private:
         const bool sent =
             domain_.write(grasp_.writer, at, until_s, grasp, grasp_quality(grasp, worst), weight_quality(grasp, worst));
         ++(sent ? counts_.sent : counts_.dropped);
+    }
+
+    // The wrench on the gripper, if the node has it: its message has no field for its quality, either.
+    void diagnose_tool(const std::string& prefix, bool alive, std::vector<Diagnosis>& all) const {
+        if (!follower_.segment().is_open() || tool_quality_ == TACTILED_NO_VALUE) return;
+        tactiled_tool tool = follower_.node().tool;
+        if (!alive) tactiled_forget_tool(&tool);
+        const std::string why = ctl::tool_why_text(tool.why);
+        all.push_back({prefix + ": tool_wrench",
+                       ctl::quality_text(tool.quality, 0) + (why.empty() ? "" : ": " + why),
+                       std::uint8_t(alive ? edge_of(tool.quality).level : 3),
+                       {{"valid_ms", std::to_string(tactiled_node_limit_ms(follower_.segment().c()))}}});
     }
 
     void diagnose() {
@@ -176,6 +190,7 @@ private:
                             {"lost frames", std::to_string(s.lost)},
                             {"rate_Hz", fmt::format("{:.1f}", s.rate_Hz)}}});
         }
+        diagnose_tool(prefix, alive, all);
         if (!domain_.write(wall_s(now_ns), all)) ++counts_.dropped;
     }
 
@@ -191,7 +206,7 @@ private:
         std::uint64_t t_ns = 0;  // when it was last sent
     } tool_, grasp_;
     std::tuple<std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t> grasp_news_;
-    std::uint32_t readers_ = 0;
+    std::uint32_t readers_ = 0, tool_quality_ = TACTILED_NO_VALUE;
     bool due_ = true, ending_ = false, node_seen_ = false;
     Counts counts_;
     Report report_{"tactiled-dds"};

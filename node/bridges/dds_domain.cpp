@@ -17,8 +17,10 @@ constexpr char kWrenchHash[] = "typehash=RIHS01_8dc3deaf06b2ab281f9f9a742a8961c3
 constexpr char kDiagnosticsHash[] = "typehash=RIHS01_5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e;";
 constexpr char kGraspHash[] = "typehash=RIHS01_c538df5ecbe1df0c9f0a187a87ae69c5ae8fbfa0b0d3d7f4a86c53fc0d4885e7;";
 
-// Samples that a writer keeps for readers that have lost them, such as one that did not run while the buffer of its socket
-// was full: those of 1 s at 1 kHz. An older value may not be shown as a healthy one, so sending it again has no use.
+// A writer keeps samples for a reliable reader that has lost some, such as one that did not run while the buffer of its
+// socket was full. kLifespan bounds their age: an older value may not be shown as a healthy one, so that it is not sent
+// again. kDepth bounds their memory: at 1 kHz it is reached at the same time.
+constexpr dds_duration_t kLifespan = DDS_SECS(1);
 constexpr std::int32_t kDepth = 1000;
 
 dds_entity_t require(dds_entity_t result, const std::string& what) {
@@ -77,6 +79,7 @@ Domain::Writer Domain::make_writer(const std::string& topic, const void* type, c
     // "Keep last": a reader that acknowledges nothing does not stop the writer, which forgets what it cannot deliver. The
     // library throttles writers that keep all samples only; 0 is the time for which write() may wait.
     dds_qset_history(qos, DDS_HISTORY_KEEP_LAST, kDepth);
+    dds_qset_lifespan(qos, kLifespan);
     dds_qset_reliability(qos, best_effort ? DDS_RELIABILITY_BEST_EFFORT : DDS_RELIABILITY_RELIABLE, 0);
     dds_qset_userdata(qos, type_hash, std::char_traits<char>::length(type_hash));
     const dds_entity_t of = dds_create_topic(participant_, static_cast<const dds_topic_descriptor_t*>(type),

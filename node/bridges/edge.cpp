@@ -1,6 +1,7 @@
 #include "node/bridges/edge.hpp"
 
 #include <algorithm>
+#include <array>
 
 namespace tactiled::bridges {
 
@@ -16,14 +17,24 @@ std::uint32_t weight_quality(const tactiled_grasp& grasp, std::uint32_t worst_of
     return has_value ? std::max<std::uint32_t>(of_grasp, TACTILED_UNCERTAIN) : std::uint32_t(TACTILED_BAD);
 }
 
-std::uint32_t worst_quality(const SegmentView& segment) {
-    std::uint32_t worst = segment.is_open() && segment.n_sensors() > 0 ? TACTILED_GOOD : TACTILED_BAD;
-    tactiled_sample sample;
-    for (std::uint32_t i = 0; segment.is_open() && i < segment.n_sensors(); ++i) {
-        segment.latest(i, sample);
-        worst = std::max(worst, sample.quality);
-    }
+std::uint32_t worse(std::uint32_t a, std::uint32_t b) {
+    const auto rank = [](std::uint32_t quality) {
+        return quality == TACTILED_NO_VALUE ? std::uint32_t(TACTILED_BAD) : quality;
+    };
+    return std::max(rank(a), rank(b));
+}
+
+std::uint32_t worst_quality(std::span<const tactiled_sample> samples) {
+    std::uint32_t worst = samples.empty() ? TACTILED_BAD : TACTILED_GOOD;
+    for (const tactiled_sample& sample : samples) worst = worse(worst, sample.quality);
     return worst;
+}
+
+std::uint32_t worst_quality(const SegmentView& segment) {
+    std::array<tactiled_sample, TACTILED_MAX_SENSORS> samples;
+    const std::uint32_t n = segment.is_open() ? segment.n_sensors() : 0;
+    for (std::uint32_t i = 0; i < n; ++i) segment.latest(i, samples[i]);
+    return worst_quality(std::span(samples).first(n));
 }
 
 std::uint64_t valid_until_ns(const SegmentView& segment, std::uint32_t sensor, const tactiled_sample& sample) {

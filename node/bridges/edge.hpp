@@ -3,6 +3,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <span>
 
 #include "tactiled/reader.hpp"
 
@@ -13,7 +14,7 @@ struct QualityEdge {
     std::uint8_t level;  // diagnostic_msgs/DiagnosticStatus: 0 OK, 1 WARN, 2 ERROR, 3 STALE
     bool healthy;        // an edge that cannot mark quality sends it; a dashboard shows it as available
 };
-// By enum tactiled_quality.
+// Each row is that of the enum tactiled_quality with its index.
 inline constexpr std::array<QualityEdge, 4> kQualityEdges{{
     {"no-value", 3, false},
     {"good", 0, true},
@@ -25,12 +26,12 @@ constexpr const QualityEdge& edge_of(std::uint32_t quality) {
     return kQualityEdges[quality < kQualityEdges.size() ? quality : std::uint32_t(TACTILED_NO_VALUE)];
 }
 constexpr bool is_healthy(std::uint32_t quality) { return edge_of(quality).healthy; }
-// The level of a value that has ended because there are no new frames is STALE, not ERROR.
+// A value that has ended because there are no new frames has the level STALE in place of ERROR.
 constexpr std::uint8_t diagnostic_level(std::uint32_t quality, std::uint32_t reasons) {
     return quality == TACTILED_BAD && (reasons & TACTILED_REASONS_OF_OLD) != 0 ? 3 : edge_of(quality).level;
 }
 
-// Bits of the status word of an ATI Net F/T ("System Status Code" in ATI 9620-05-NET FT) that reasons use.
+// Reasons use these bits of the status word of an ATI Net F/T ("System Status Code" in ATI 9620-05-NET FT).
 enum RdtBit : std::uint8_t {
     kWatchdogTimeout = 14,
     kSaturation = 17,  // transducer saturation, or an error of the converter
@@ -89,7 +90,7 @@ constexpr bool every_reason_has_its_row() {
 }
 static_assert(every_reason_has_its_row());
 
-// 0 for a healthy value; for each other one the error bit, with the bits of its reasons.
+// The status is 0 for a healthy value. Each other value has the error bit and the bits of its reasons.
 constexpr std::uint32_t rdt_status(std::uint32_t quality, std::uint32_t reasons) {
     if (is_healthy(quality)) return 0;
     std::uint32_t status = 1u << kError;
@@ -98,18 +99,23 @@ constexpr std::uint32_t rdt_status(std::uint32_t quality, std::uint32_t reasons)
     return status;
 }
 
-// The grasp is BAD while its state is unknown, and UNCERTAIN while a sensor of the node is not GOOD, because the segment
-// does not say which sensors are jaws.
+// The quality of the state of the gripper, of its grip and of its counts. It is BAD while the state is unknown, and
+// UNCERTAIN while a sensor of the node is not GOOD, because the segment does not say which sensors are jaws.
 std::uint32_t grasp_quality(const tactiled_grasp& grasp, std::uint32_t worst_of_sensors);
-// The weight is GOOD where it is stable in a GOOD grasp, and BAD where it has no value.
+// The quality of the weight and of its state. It is GOOD where the weight is stable, without a doubt and in a GOOD grasp,
+// and BAD where there is no weight.
 std::uint32_t weight_quality(const tactiled_grasp& grasp, std::uint32_t worst_of_sensors);
-// The worst quality of all sensors, judged now; BAD without sensors.
+// Returns the worse one of two qualities, where no value is as bad as BAD.
+std::uint32_t worse(std::uint32_t a, std::uint32_t b);
+// Returns the worst quality of the samples, and BAD without samples.
+std::uint32_t worst_quality(std::span<const tactiled_sample> samples);
+// Returns that of all sensors, judged now.
 std::uint32_t worst_quality(const SegmentView& segment);
 
-// The time, CLOCK_MONOTONIC, at which a reader of the segment would call this sample BAD if the daemon published no other
-// one.
+// Returns the time, CLOCK_MONOTONIC, at which a reader of the segment would call this sample BAD if the daemon published no
+// other one.
 std::uint64_t valid_until_ns(const SegmentView& segment, std::uint32_t sensor, const tactiled_sample& sample);
-// The same of the grasp and the tool of a node record.
+// Returns that of the grasp and the tool of a node record.
 std::uint64_t valid_until_ns(const SegmentView& segment, const tactiled_node& node);
 
 }  // namespace tactiled::bridges

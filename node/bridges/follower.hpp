@@ -36,6 +36,8 @@ public:
     [[nodiscard]] const Segment& segment() const { return segment_; }
     [[nodiscard]] std::uint32_t n_sensors() const { return segment_.is_open() ? segment_.n_sensors() : 0; }
     [[nodiscard]] const tactiled_node& node() const { return node_; }  // the newest record; only where is_alive()
+    // No device measures a value of this node, or not each one: a link is simulated or replayed.
+    [[nodiscard]] bool is_simulated() const { return (node_.status & TACTILED_SIMULATED) != 0; }
 
     // 0.5 ms: at 1 kHz one sensor is seen at once, and 16 sensors cost 2,000 wake-ups a second instead of 16,000.
     static constexpr std::uint64_t kSpacingNs = 500'000;

@@ -57,7 +57,8 @@ void check(Args& args) {
 // A topic whose text is sent when it changes, and again before it expires.
 struct Renewed {
     std::string topic, said;
-    std::uint64_t sent_ns = 0;  // 0: is due
+    std::uint64_t sent_ns = 0;        // 0: is due
+    std::uint32_t cleared_after = 0;  // number of the connection over which the broker was told to forget the topic
 };
 
 // The topics and the last values of one sensor.
@@ -76,7 +77,8 @@ public:
         : args_(args),
           topics_{args.prefix, args.common.node},
           follower_(args.common.node),
-          broker_(args.broker, "tactiled-mqtt-" + args.common.node, topics_.state(), last_will_text(), kExpiryS),
+          precedence_(args.common.node),
+          broker_(args.broker, precedence_.mine().id, topics_.state(), last_will_text(), kExpiryS),
           tool_pace_(args.common.rate_Hz) {
         state_.topic = topics_.state();
         grasp_.topic = topics_.of_node("grasp");
@@ -92,26 +94,35 @@ public:
         while (ctl::interrupted == 0) {
             follower_.look();
             if (std::exchange(structure_, follower_.structure()) != follower_.structure()) name_sensors();
-            if (broker_.fall_back())
+            if (broker_.choose_version())
                 fmt::print(stderr,
                            "tactiled-mqtt: the broker refuses MQTT 5: by 3.1.1, which has no expiry, no state is "
                            "retained, and a late subscriber waits for the next message\n");
             const std::uint32_t connections = broker_.connections();
             if (std::exchange(connections_, connections) != connections) greet();
+            if (precedence_.hear(broker_.take_heard())) greet();
             for (Sensor& sensor : sensors_) publish(sensor);
             publish_node();
             counts_.dropped += broker_.take_lost();
-            report_.tick(follower_, counts_, broker_.state());
+            report_.tick(follower_, counts_, said());
             follower_.wait(monotonic_ns() + std::max<std::uint64_t>(tick_ns, 20'000'000), tick_ns);
         }
-        broker_.close(topics_.state(), last_will_text());
+        if (!precedence_.is_silent()) broker_.close(topics_.state(), last_will_text());
         counts_.dropped += broker_.take_lost();
         report_.ended(follower_, counts_);
         return ctl::kGood;
     }
 
 private:
+    [[nodiscard]] std::string said() const {
+        return precedence_.is_silent()
+                   ? "silent, because another bridge sends below " + topics_.prefix + "/" + topics_.node +
+                         ": give one of the nodes another name, or one of the bridges another --prefix"
+                   : broker_.state();
+    }
+
     void put(const std::string& topic, const std::string& text, Keep keep) {
+        if (precedence_.is_silent()) return;
         ++(broker_.publish(topic, text, keep) ? counts_.sent : counts_.dropped);
     }
 
@@ -142,10 +153,18 @@ private:
         greet();
     }
 
+    // Makes a message due again. An empty retained message precedes the first one of a connection: the broker forgets a
+    // value that an earlier version retained without an end, or that the last will says for ever.
+    void begin(Renewed& renewed) {
+        renewed.sent_ns = 0;
+        if (!broker_.is_connected() || precedence_.is_silent() || renewed.cleared_after == connections_) return;
+        if (broker_.publish(renewed.topic, "", Keep::kForever)) renewed.cleared_after = connections_;
+    }
+
     // Makes all messages due again, for a broker that has just been connected.
     void greet() {
-        for (Renewed* renewed : {&state_, &grasp_, &weight_}) renewed->sent_ns = 0;
-        for (Sensor& sensor : sensors_) sensor.quality.sent_ns = 0;
+        for (Renewed* renewed : {&state_, &grasp_, &weight_}) begin(*renewed);
+        for (Sensor& sensor : sensors_) begin(sensor.quality);
         if (args_.discovery.empty() || !broker_.is_connected()) return;
         for (const Sensor& sensor : sensors_)
             announce(discovery(args_.discovery, topics_, follower_.segment().sensor(sensor.index)));
@@ -169,13 +188,15 @@ private:
         if (batch.newest.quality == TACTILED_NO_VALUE || !broker_.is_connected()) return;
         sample = batch.newest;  // it may have become old since
         tactiled_judge(&sample, follower_.segment().c()->stale_ms[sensor.index], monotonic_ns());
-        renew(sensor.quality, quality_text(sample), fmt::format("{} {}", sample.quality, sample.reasons), Keep::kValue);
+        renew(sensor.quality, quality_text(sample, follower_.is_simulated()),
+              fmt::format("{} {}", sample.quality, sample.reasons), Keep::kValue);
     }
 
     void publish_batch(Sensor& sensor) {
         Batch& batch = sensor.batch;
         if (!sensor.pace.passes(batch.newest) || !sensor.deadband.passes(batch.newest, monotonic_ns())) return;
-        put(sensor.wrench_topic, wrench_text(batch, valid_until_ns(follower_.segment(), sensor.index, batch.newest)),
+        put(sensor.wrench_topic,
+            wrench_text(batch, valid_until_ns(follower_.segment(), sensor.index, batch.newest), follower_.is_simulated()),
             Keep::kValue);
         batch.samples = batch.bad = 0;
     }
@@ -187,13 +208,15 @@ private:
         if (!changed && state_.sent_ns != 0 && now_ns - looked_ns_ < kLookEachNs) return publish_tool();
         looked_ns_ = now_ns;
         const std::uint32_t worst = follower_.is_alive() ? worst_quality(follower_.segment()) : std::uint32_t(TACTILED_BAD);
-        renew(state_, state_text(follower_, counts_, worst),
+        renew(state_, state_text(follower_, counts_, worst, precedence_.mine()),
               fmt::format("{} {} {}", follower_.is_alive(), worst, follower_.is_alive() ? follower_.node().fault : 0),
               Keep::kState);
         if (!follower_.segment().is_open()) return;
+        const bool simulated = follower_.is_simulated();
         tactiled_grasp grasp = follower_.node().grasp;
         if (!follower_.is_alive()) tactiled_forget_grasp(&grasp);
-        const std::string of_grasp = grasp_text(grasp, worst), of_weight = weight_text(grasp, worst, names_);
+        const std::string of_grasp = grasp_text(grasp, worst, simulated),
+                          of_weight = weight_text(grasp, worst, names_, simulated);
         renew(grasp_, of_grasp, without_times(of_grasp), Keep::kValue);
         renew(weight_, of_weight, without_times(of_weight), Keep::kValue);
         const bool has_grasp = grasp.t_ns != 0, has_tool = follower_.node().tool.quality != TACTILED_NO_VALUE;
@@ -214,12 +237,14 @@ private:
         if (tool.quality == TACTILED_NO_VALUE) return;
         if (std::exchange(tool_t_ns_, tool.t_newest_ns) == tool.t_newest_ns && tool.quality == tool_quality_) return;
         if (!tool_pace_.passes(node.t_ns, tool_quality_ = tool.quality)) return;
-        put(topics_.of_node("tool"), tool_text(tool, valid_until_ns(follower_.segment(), node)), Keep::kValue);
+        put(topics_.of_node("tool"), tool_text(tool, valid_until_ns(follower_.segment(), node), follower_.is_simulated()),
+            Keep::kValue);
     }
 
     const Args& args_;
     Topics topics_;
     Follower follower_;
+    Precedence precedence_;
     Broker broker_;
     std::vector<Sensor> sensors_;
     std::vector<std::string> names_;  // all sensors of the node

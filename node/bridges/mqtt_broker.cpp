@@ -9,6 +9,7 @@
 
 #include <chrono>
 #include <thread>
+#include <utility>
 
 #include "config/options.hpp"
 
@@ -26,7 +27,7 @@ void require(int result, const char* what) {
 
 Broker::Broker(const BrokerOptions& options, const std::string& client_id, const std::string& will_topic,
                const std::string& will_text, std::uint32_t expiry_s)
-    : options_(options), expiry_s_(expiry_s) {
+    : options_(options), expiry_s_(expiry_s), will_topic_(will_topic) {
     mosquitto_lib_init();
     client_ = mosquitto_new(client_id.c_str(), true, this);
     if (client_ == nullptr) throw SetupError("MQTT: the client could not be made");
@@ -62,11 +63,19 @@ void Broker::set_callbacks() {
     });
     mosquitto_disconnect_callback_set(client_, [](mosquitto*, void* self, int code) {
         auto& broker = *static_cast<Broker*>(self);
-        broker.connected_.store(false, std::memory_order_release);
+        const bool connected = broker.connected_.exchange(false, std::memory_order_acq_rel);
+        if (connected && code != 0 && !broker.version_5_.load(std::memory_order_relaxed))
+            broker.ended_3_1_1_.store(true, std::memory_order_release);
         const std::int64_t waiting = broker.waiting_.exchange(0, std::memory_order_relaxed);
         if (waiting > 0) broker.lost_.fetch_add(std::uint64_t(waiting), std::memory_order_relaxed);
         if (code != 0 && broker.state().rfind("refused", 0) != 0)
             broker.set_state(fmt::format("not connected: {}", mosquitto_strerror(code)));
+    });
+    mosquitto_message_callback_set(client_, [](mosquitto*, void* self, const mosquitto_message* message) {
+        auto& broker = *static_cast<Broker*>(self);
+        if (message->retain || message->payloadlen <= 0) return;
+        const std::lock_guard lock(broker.mutex_);
+        broker.heard_.assign(static_cast<const char*>(message->payload), std::size_t(message->payloadlen));
     });
     mosquitto_publish_callback_set(client_, [](mosquitto*, void* self, int) {
         static_cast<Broker*>(self)->waiting_.fetch_sub(1, std::memory_order_relaxed);
@@ -79,6 +88,10 @@ void Broker::on_connection(int code) {
         // Data that the broker does not acknowledge for this time are never sent: a message expires 2 s after it has come.
         const unsigned unacknowledged_ms = expiry_s_ * 1000;
         ::setsockopt(mosquitto_socket(client_), IPPROTO_TCP, TCP_USER_TIMEOUT, &unacknowledged_ms, sizeof unacknowledged_ms);
+        if (version_5)
+            mosquitto_subscribe_v5(client_, nullptr, will_topic_.c_str(), 0, MQTT_SUB_OPT_NO_LOCAL, nullptr);
+        else
+            mosquitto_subscribe(client_, nullptr, will_topic_.c_str(), 0);
         set_state(version_5 ? "connected" : "connected by MQTT 3.1.1: no state is retained");
         waiting_.store(0, std::memory_order_relaxed);
         connections_.fetch_add(1, std::memory_order_release);
@@ -101,14 +114,28 @@ void Broker::begin() {
     require(mosquitto_loop_start(client_), "MQTT");
 }
 
-bool Broker::fall_back() {
-    if (!refused_5_.exchange(false, std::memory_order_acquire)) return false;
+void Broker::begin_again(bool version_5) {
     mosquitto_disconnect(client_);
     mosquitto_loop_stop(client_, false);
-    version_5_.store(false, std::memory_order_relaxed);
-    require(mosquitto_int_option(client_, MOSQ_OPT_PROTOCOL_VERSION, MQTT_PROTOCOL_V311), "MQTT 3.1.1");
+    version_5_.store(version_5, std::memory_order_relaxed);
+    require(mosquitto_int_option(client_, MOSQ_OPT_PROTOCOL_VERSION, version_5 ? MQTT_PROTOCOL_V5 : MQTT_PROTOCOL_V311),
+            "version of MQTT");
+    chosen_ = std::chrono::steady_clock::now();
     begin();
-    return true;
+}
+
+bool Broker::choose_version() {
+    if (refused_5_.exchange(false, std::memory_order_acquire)) {
+        begin_again(false);
+        return true;
+    }
+    // A broker that refuses 5 and drops connections of 3.1.1 is asked no more often than one that is away.
+    if (ended_3_1_1_.load(std::memory_order_acquire) && !is_connected() &&
+        std::chrono::steady_clock::now() - chosen_ >= std::chrono::seconds(kFirstRetryS)) {
+        ended_3_1_1_.store(false, std::memory_order_relaxed);
+        begin_again(true);
+    }
+    return false;
 }
 
 void Broker::set_state(const std::string& text) {
@@ -119,6 +146,11 @@ void Broker::set_state(const std::string& text) {
 std::string Broker::state() const {
     const std::lock_guard lock(mutex_);
     return state_;
+}
+
+std::string Broker::take_heard() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(heard_, {});
 }
 
 bool Broker::publish(const std::string& topic, const std::string& text, Keep keep) {

@@ -2,6 +2,7 @@
 // and 3.1.1 with a broker that refuses 5.
 #pragma once
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <mutex>
 #include <string>
@@ -38,10 +39,13 @@ public:
     [[nodiscard]] std::uint32_t connections() const { return connections_.load(std::memory_order_acquire); }
     // For a person.
     [[nodiscard]] std::string state() const;
-    // Changes to MQTT 3.1.1 where the broker has refused 5. Call it in each round. True: it has changed.
-    bool fall_back();
+    // Changes to MQTT 3.1.1 where the broker has refused 5, and back to 5 where a connection of 3.1.1 has ended: another
+    // broker may answer now. Call it in each round. True: it has changed to 3.1.1.
+    bool choose_version();
     // False: dropped, because there is no connection, or the broker takes nothing. Never blocks for the network.
     bool publish(const std::string& topic, const std::string& text, Keep keep);
+    // The newest message that came to will_topic since the last call, also of this client itself; "": none.
+    std::string take_heard();
     // Messages that were handed over and lost with a connection, since the last call.
     std::uint64_t take_lost() { return lost_.exchange(0, std::memory_order_relaxed); }
     // Sends `text` as the last message of will_topic, and waits for at most a second.
@@ -52,6 +56,7 @@ private:
     void set_callbacks();
     void on_connection(int code);
     void begin();
+    void begin_again(bool version_5);
 
     // 2,000 messages of 0.4 kB: a broker that hangs must not fill the memory.
     static constexpr std::int64_t kMaxWaiting = 2000;
@@ -59,13 +64,15 @@ private:
     mosquitto* client_ = nullptr;
     std::uint32_t expiry_s_;
     mqtt5__property* expiry_ = nullptr;  // the property of each message that is not kept for ever
-    std::atomic<bool> version_5_{true}, refused_5_{false};
+    std::atomic<bool> version_5_{true}, refused_5_{false}, ended_3_1_1_{false};
+    std::chrono::steady_clock::time_point chosen_;  // when a version was last changed to
     std::atomic<bool> connected_{false};
     std::atomic<std::uint32_t> connections_{0};
     std::atomic<std::int64_t> waiting_{0};
     std::atomic<std::uint64_t> lost_{0};
-    mutable std::mutex mutex_;  // of state_
-    std::string state_ = "not connected";
+    const std::string will_topic_;
+    mutable std::mutex mutex_;  // guards the following
+    std::string state_ = "not connected", heard_;
 };
 
 }  // namespace tactiled::bridges::mqtt

@@ -21,19 +21,23 @@ constexpr std::array<Axis, 6> kAxes{{{"Fx", "force_N", "N", 0},
                                      {"My", "torque_Nm", "N\u22C5m", 1},
                                      {"Mz", "torque_Nm", "N\u22C5m", 2}}};
 
-json while_online(const Topics& topics) {
-    return {{"topic", topics.state()},
-            {"value_template", "{{ 'online' if value_json.online and value_json.daemon else 'offline' }}"}};
+// Available by a message that fulfils `condition` and whose time is not over: a broker or a network that stood still
+// delivers messages of that time later, which expire_after takes for new ones.
+json available(const std::string& topic, const std::string& condition) {
+    return {{"topic", topic},
+            {"value_template",
+             "{{ 'online' if " + condition + "value_json.valid_until_s > now().timestamp() else 'offline' }}"}};
 }
+
+json while_online(const Topics& topics) { return available(topics.state(), "value_json.online and value_json.daemon and "); }
 
 // The topic of the value itself, so that one message brings the value and takes it away.
 json while_good(const std::string& topic) {
-    const std::string good = edge_of(TACTILED_GOOD).word;
-    return {{"topic", topic}, {"value_template", "{{ 'online' if value_json.quality == '" + good + "' else 'offline' }}"}};
+    return available(topic, "value_json.quality == '" + std::string(edge_of(TACTILED_GOOD).word) + "' and ");
 }
 
 // A topic that the broker never retains: it shows that the bridge sends now.
-json while_sent(const std::string& topic) { return {{"topic", topic}, {"value_template", "{{ 'online' }}"}}; }
+json while_sent(const std::string& topic) { return available(topic, ""); }
 
 class Announcer {
 public:

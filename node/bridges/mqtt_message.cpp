@@ -1,8 +1,12 @@
 #include "node/bridges/mqtt_message.hpp"
 
+#include <fmt/format.h>
+
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <random>
 #include <sstream>
+#include <tuple>
 
 #include "node/bridges/edge.hpp"
 #include "node/ctl/grasp_text.hpp"
@@ -27,16 +31,17 @@ json numbers(const T (&values)[3]) {  // a NaN is written as null
 double component(const tactiled_sample& s, std::size_t i) { return i < 3 ? s.force_S_N[i] : s.torque_S_Nm[i - 3]; }
 
 // The fields that each message has. `until_s`: see the schema.
-json head(std::uint32_t quality, double t_s, double until_s) {
+json head(std::uint32_t quality, double t_s, double until_s, bool simulated) {
     return {{"schema", kSchema},
             {"t_s", microseconds(t_s)},
             {"valid_until_s", microseconds(until_s)},
-            {"quality", edge_of(quality).word}};
+            {"quality", edge_of(quality).word},
+            {"simulated", simulated}};
 }
 
-json head_now(std::uint32_t quality) {
+json head_now(std::uint32_t quality, bool simulated) {
     const double now_s = wall_s(monotonic_ns());
-    return head(quality, now_s, now_s + kExpiryS);
+    return head(quality, now_s, now_s + kExpiryS, simulated);
 }
 
 // Words with blanks between them, as a list.
@@ -49,9 +54,9 @@ json list_of(const std::string& words) {
 
 }  // namespace
 
-std::string wrench_text(const Batch& batch, std::uint64_t until_ns) {
+std::string wrench_text(const Batch& batch, std::uint64_t until_ns, bool simulated) {
     const tactiled_sample& s = batch.newest;
-    json message = head(s.quality, wall_s(s.t_ns), wall_s(until_ns));
+    json message = head(s.quality, wall_s(s.t_ns), wall_s(until_ns), simulated);
     message.update({{"sequence", s.sequence},
                     {"reasons", reason_words(s.reasons)},
                     {"force_N", numbers(s.force_S_N)},
@@ -63,8 +68,8 @@ std::string wrench_text(const Batch& batch, std::uint64_t until_ns) {
     return dump(message);
 }
 
-std::string tool_text(const tactiled_tool& t, std::uint64_t until_ns) {
-    json message = head(t.quality, wall_s(t.t_ns), wall_s(until_ns));
+std::string tool_text(const tactiled_tool& t, std::uint64_t until_ns, bool simulated) {
+    json message = head(t.quality, wall_s(t.t_ns), wall_s(until_ns), simulated);
     message.update({{"reasons", list_of(ctl::tool_why_text(t.why))},
                     {"force_N", numbers(t.force_G_N)},
                     {"torque_Nm", numbers(t.torque_G_Nm)},
@@ -73,24 +78,25 @@ std::string tool_text(const tactiled_tool& t, std::uint64_t until_ns) {
     return dump(message);
 }
 
-std::string quality_text(const tactiled_sample& s) {
-    json message = head_now(s.quality);
+std::string quality_text(const tactiled_sample& s, bool simulated) {
+    json message = head_now(s.quality, simulated);
     message["reasons"] = reason_words(s.reasons);
     return dump(message);
 }
 
-std::string grasp_text(const tactiled_grasp& g, std::uint32_t worst) {
-    json message = head_now(grasp_quality(g, worst));
+std::string grasp_text(const tactiled_grasp& g, std::uint32_t worst, bool simulated) {
+    json message = head_now(grasp_quality(g, worst), simulated);
     message.update(
         {{"state", ctl::grip_state_text(g.state)}, {"object", g.object}, {"grasps", g.grasps}, {"slips", g.slips}});
     return dump(message);
 }
 
-std::string weight_text(const tactiled_grasp& g, std::uint32_t worst, const std::vector<std::string>& sensors) {
+std::string weight_text(const tactiled_grasp& g, std::uint32_t worst, const std::vector<std::string>& sensors,
+                        bool simulated) {
     json jaws = json::array();
     for (std::size_t i = 0; i < sensors.size(); ++i)
         if ((g.doubtful >> i & 1u) != 0) jaws.push_back(sensors[i]);
-    json message = head_now(weight_quality(g, worst));
+    json message = head_now(weight_quality(g, worst), simulated);
     message.update({{"state", ctl::weight_state_text(g.weight_state)},
                     {"weight_kg", g.weight_kg},
                     {"sd_weight_kg", g.weight_sd_kg},
@@ -99,11 +105,13 @@ std::string weight_text(const tactiled_grasp& g, std::uint32_t worst, const std:
     return dump(message);
 }
 
-std::string state_text(const Follower& follower, const Counts& counts, std::uint32_t worst) {
+std::string state_text(const Follower& follower, const Counts& counts, std::uint32_t worst, const Sender& sender) {
     json sensors = json::array();
     for (std::uint32_t i = 0; i < follower.n_sensors(); ++i) sensors.push_back(follower.segment().sensor(i).name);
-    json message = head_now(follower.is_alive() ? worst : std::uint32_t(TACTILED_BAD));
+    json message = head_now(follower.is_alive() ? worst : std::uint32_t(TACTILED_BAD), follower.is_simulated());
     message.update({{"online", true},
+                    {"bridge", sender.id},
+                    {"since_s", sender.since_s},
                     {"daemon", follower.is_alive()},
                     {"why", follower.why()},
                     {"sensors", sensors},
@@ -112,6 +120,30 @@ std::string state_text(const Follower& follower, const Counts& counts, std::uint
                     {"dropped", counts.dropped},
                     {"missed", follower.missed()}});
     return dump(message);
+}
+
+Sender sender_of(const std::string& text) {
+    const json message = json::parse(text, nullptr, false);
+    if (!message.is_object() || message.value("online", json()) != true) return {};
+    const json id = message.value("bridge", json()), since_s = message.value("since_s", json());
+    if (!id.is_string() || !since_s.is_number()) return {};
+    return {id, since_s};
+}
+
+bool gives_way(const Sender& mine, const Sender& other) {
+    return !other.id.empty() && other.id != mine.id && std::tie(other.since_s, other.id) < std::tie(mine.since_s, mine.id);
+}
+
+Precedence::Precedence(const std::string& node) {
+    std::random_device random;
+    mine_ = {fmt::format("tactiled-mqtt-{}-{:08x}", node, random()), wall_s(monotonic_ns())};
+}
+
+bool Precedence::hear(const std::string& text) {
+    const std::uint64_t now_ns = monotonic_ns();
+    if (!text.empty() && gives_way(mine_, sender_of(text))) until_ns_ = now_ns + kExpiryS * 1'000'000'000ull;
+    const bool was_silent = std::exchange(silent_, now_ns < until_ns_);
+    return was_silent && !silent_;
 }
 
 std::string last_will_text() {

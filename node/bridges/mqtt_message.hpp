@@ -25,21 +25,48 @@ struct Topics {
     }
 };
 
+// A bridge, in the messages of its state.
+struct Sender {
+    std::string id;      // names this process alone
+    double since_s = 0;  // when it began, since 1970
+};
+// The sender of the text if that is the state of a bridge that is connected; else one without an id.
+Sender sender_of(const std::string& text);
+// True if both send below one topic, and `mine` has to be silent: the one that was there first goes on.
+bool gives_way(const Sender& mine, const Sender& other);
+
+// Keeps a bridge silent while another one, which was there first, says each 0.5 s that it sends below the same topic.
+class Precedence {
+public:
+    explicit Precedence(const std::string& node);
+    [[nodiscard]] const Sender& mine() const { return mine_; }
+    // `text`: a state that has come to the topic, or "". True: this bridge may send again.
+    bool hear(const std::string& text);
+    [[nodiscard]] bool is_silent() const { return silent_; }
+
+private:
+    Sender mine_;
+    std::uint64_t until_ns_ = 0;
+    bool silent_ = false;
+};
+
 // The samples of one sensor since its last message: the newest, how many there were, and how many of them were BAD.
 struct Batch {
     tactiled_sample newest{};
     std::uint32_t samples = 0, bad = 0;
 };
 
+// `simulated`: no device measures the values of this node.
 // Texts with a time until which the value is valid as a reader of the segment judges it.
-std::string wrench_text(const Batch& batch, std::uint64_t until_ns);
-std::string tool_text(const tactiled_tool& tool, std::uint64_t until_ns);
+std::string wrench_text(const Batch& batch, std::uint64_t until_ns, bool simulated);
+std::string tool_text(const tactiled_tool& tool, std::uint64_t until_ns, bool simulated);
 // Texts that are true now and valid for kExpiryS. `worst`: quality of the worst sensor.
-std::string quality_text(const tactiled_sample& sample);
-std::string grasp_text(const tactiled_grasp& grasp, std::uint32_t worst);
+std::string quality_text(const tactiled_sample& sample, bool simulated);
+std::string grasp_text(const tactiled_grasp& grasp, std::uint32_t worst, bool simulated);
 // `sensors`: the names of the node's sensors, of which the text names those that are in doubt.
-std::string weight_text(const tactiled_grasp& grasp, std::uint32_t worst, const std::vector<std::string>& sensors);
-std::string state_text(const Follower& follower, const Counts& counts, std::uint32_t worst);
+std::string weight_text(const tactiled_grasp& grasp, std::uint32_t worst, const std::vector<std::string>& sensors,
+                        bool simulated);
+std::string state_text(const Follower& follower, const Counts& counts, std::uint32_t worst, const Sender& sender);
 std::string last_will_text();
 // The text without its times: another one is a change.
 std::string without_times(const std::string& text);

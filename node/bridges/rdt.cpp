@@ -94,7 +94,7 @@ public:
             if (structure_ != follower_.structure()) bind_sensors();
             send();
             answer();
-            report_.tick(follower_, counts_, fault_.empty() ? (wanted ? "streaming" : "no client") : fault_);
+            report_.tick(follower_, counts_, state(wanted));
             if (wanted)
                 follower_.wait(monotonic_ns() + 20'000'000);
             else
@@ -105,6 +105,12 @@ public:
     }
 
 private:
+    // For a person: a record cannot say that no device measures its values.
+    [[nodiscard]] std::string state(bool wanted) const {
+        if (!fault_.empty()) return fault_;
+        return std::string(wanted ? "streaming" : "no client") + (follower_.is_simulated() ? ", simulated" : "");
+    }
+
     void check_addresses() const {
         for (const std::string& text : args_.listen) {
             const ListenAddress checked = check_listen_address(text);
@@ -164,6 +170,7 @@ private:
         device.scale = args_.stream.scale;
         device.zero = zero_;
         device.rate_Hz = args_.common.rate_Hz;
+        device.simulated = follower_.is_simulated();
         device.calibration = follower_.segment().is_open() ? follower_.segment().header().calibration_id : 0;
         if (index_[stream] < 0) {  // no daemon, or a sensor that may not be sent
             tactiled_invalidate(&device.newest, TACTILED_DAEMON_STOPPED);

@@ -2,18 +2,23 @@
 
 #include <fmt/format.h>
 #include <microhttpd.h>
+#include <sys/socket.h>
 
 #include <cerrno>
 #include <cstring>
 
 #include "config/network_address.hpp"
 #include "config/options.hpp"
+#include "tactiled/reader.hpp"
 
 namespace tactiled::bridges::rdt {
 namespace {
 
 // A client that sends nothing loses its place. 2 s: TCP sends a lost packet again after 1 s (RFC 6298).
 constexpr unsigned kMaxConnections = 8, kSilentS = 2;
+// A client that sends byte by byte loses it, too. A request and its answer are a packet each, either of which may be sent
+// again.
+constexpr std::uint64_t kLongestNs = 2 * kSilentS * 1'000'000'000ull;
 
 MHD_Result is_allowed(void* list, const sockaddr* address, socklen_t size) {
     sockaddr_storage peer{};
@@ -39,6 +44,12 @@ bool is_address(const char* host) {
     return text.rfind("localhost:", 0) == 0 || check_listen_address(text).fault.empty();
 }
 
+// The device has one configuration, which a client may name.
+bool is_configuration(MHD_Connection* connection) {
+    const char* const index = MHD_lookup_connection_value(connection, MHD_GET_ARGUMENT_KIND, "index");
+    return index == nullptr || std::strcmp(index, "0") == 0;
+}
+
 MHD_Result on_request(void* xml, MHD_Connection* connection, const char* path, const char* method, const char*, const char*,
                       std::size_t* size, void**) {
     if (*size != 0) return MHD_NO;  // no request has a body
@@ -48,6 +59,8 @@ MHD_Result on_request(void* xml, MHD_Connection* connection, const char* path, c
         return respond(connection, MHD_HTTP_FORBIDDEN, "text/plain", "ask by address or as localhost\n");
     if (std::strcmp(path, "/netftapi2.xml") != 0)
         return respond(connection, MHD_HTTP_NOT_FOUND, "text/plain", "the only page is /netftapi2.xml\n");
+    if (!is_configuration(connection))
+        return respond(connection, MHD_HTTP_NOT_FOUND, "text/plain", "the only configuration has the index 0\n");
     return respond(connection, MHD_HTTP_OK, "text/xml", (*static_cast<const std::function<std::string()>*>(xml))());
 }
 
@@ -60,7 +73,8 @@ Page::Page(const std::string& listen, const std::vector<std::string>& allow, std
     errno = 0;
     daemon_ = MHD_start_daemon(flags, 0, &is_allowed, &allow_, &on_request, &xml_, MHD_OPTION_SOCK_ADDR,
                                reinterpret_cast<const sockaddr*>(&address.bytes), MHD_OPTION_CONNECTION_LIMIT,
-                               kMaxConnections, MHD_OPTION_CONNECTION_TIMEOUT, kSilentS, MHD_OPTION_END);
+                               kMaxConnections, MHD_OPTION_CONNECTION_TIMEOUT, kSilentS, MHD_OPTION_NOTIFY_CONNECTION,
+                               &Page::on_connection, this, MHD_OPTION_END);
     if (daemon_ == nullptr)
         throw SetupError(fmt::format("--http-port: {}: {}{}", listen, std::strerror(errno),
                                      errno == EADDRINUSE ? "; several sensors need addresses of their own" : ""));
@@ -68,6 +82,20 @@ Page::Page(const std::string& listen, const std::vector<std::string>& allow, std
 
 Page::~Page() { MHD_stop_daemon(daemon_); }
 
-void Page::answer() { MHD_run(daemon_); }
+void Page::on_connection(void* self, MHD_Connection* connection, void**, MHD_ConnectionNotificationCode code) {
+    auto& opened = static_cast<Page*>(self)->opened_;
+    const int fd = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd;
+    if (code == MHD_CONNECTION_NOTIFY_STARTED)
+        opened.emplace_back(fd, monotonic_ns());
+    else
+        std::erase_if(opened, [&](const auto& each) { return each.first == fd; });
+}
+
+void Page::answer() {
+    const std::uint64_t now_ns = monotonic_ns();
+    for (const auto& [fd, opened_ns] : opened_)  // the library closes a connection that has ended
+        if (now_ns - opened_ns > kLongestNs) ::shutdown(fd, SHUT_RDWR);
+    MHD_run(daemon_);
+}
 
 }  // namespace tactiled::bridges::rdt

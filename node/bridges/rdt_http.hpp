@@ -1,13 +1,15 @@
 // Serves one page by HTTP, by libmicrohttpd, in the caller's thread.
 #pragma once
+#include <microhttpd.h>
+
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "node/modbus/allow_list.hpp"
-
-struct MHD_Daemon;
 
 namespace tactiled::bridges::rdt {
 
@@ -24,8 +26,11 @@ public:
     void answer();
 
 private:
+    static void on_connection(void* self, MHD_Connection* connection, void** context, MHD_ConnectionNotificationCode code);
+
     modbus::AllowList allow_;
     std::function<std::string()> xml_;
+    std::vector<std::pair<int, std::uint64_t>> opened_;  // descriptor of each connection, and when it was opened
     MHD_Daemon* daemon_ = nullptr;
 };
 

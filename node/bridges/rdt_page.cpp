@@ -51,7 +51,7 @@ std::string ranges_of(const Device& device) {
 std::string netft_xml(const Device& device) {
     const double rate_Hz = device.rate_Hz > 0 ? device.rate_Hz : double(device.newest.rate_Hz);
     const std::pair<const char*, std::string> elements[] = {
-        {"prodname", "tactiled"},
+        {"prodname", device.simulated ? "tactiled, simulated" : "tactiled"},
         {"runstat", fmt::format("0x{:08X}", rdt_status(device.newest.quality, device.newest.reasons))},
         {"runft", counts_of(device)},
         {"setcfgsel", "0"},

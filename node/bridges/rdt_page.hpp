@@ -13,6 +13,7 @@ struct Device {
     Scale scale;
     std::uint32_t zero = 0;         // bit 0..5: components that are sent as 0
     double rate_Hz = 0;             // --rate-Hz; 0: that of the sensor
+    bool simulated = false;         // no device measures the values
     std::uint32_t calibration = 0;  // CRC of the configuration and the calibrations
     std::array<float, 6> full_scale{};
     tactiled_sample newest{};  // judged now

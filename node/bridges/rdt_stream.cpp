@@ -17,6 +17,7 @@ namespace tactiled::bridges::rdt {
 namespace {
 
 constexpr std::size_t kMaxClients = 8;
+constexpr std::uint64_t kLogEachNs = 60'000'000'000;  // bounds the log: any client of the network can take places
 
 bool is_same(const sockaddr_storage& a, const sockaddr_storage& b) {
     const auto port = [](const sockaddr_storage& s) { return reinterpret_cast<const sockaddr_in&>(s).sin_port; };
@@ -89,20 +90,33 @@ void Stream::start(const Request& request, const sockaddr_storage& from) {
         fresh.wants_bias |= client->wants_bias;
         clients_.erase(client);
     } else if (clients_.size() == kMaxClients) {
-        // RDT has no sign of life but a request: the client that has been silent for longest loses its place.
-        clients_.erase(clients_.begin());
-        fmt::print(stderr,
-                   "tactiled-rdt: \"{}\" has {} clients: the one that asked first has lost its place to another one\n",
-                   sensor_, kMaxClients);
+        make_place(from);
     }
     clients_.push_back(fresh);
 }
 
-// False: it has all that it asked for.
+// The host that would have the most places with `from` loses one, so that a host can take none from others that have fewer.
+// The client of that host with the oldest request loses its place, because RDT has no other sign of life.
+void Stream::make_place(const sockaddr_storage& from) {
+    const auto places_of = [&](const Client& client) {
+        const auto is_of_host = [&](const Client& c) { return modbus::same_host(c.address, client.address); };
+        return std::count_if(clients_.begin(), clients_.end(), is_of_host) +
+               (modbus::same_host(from, client.address) ? 1 : 0);
+    };
+    clients_.erase(std::max_element(clients_.begin(), clients_.end(),
+                                    [&](const Client& a, const Client& b) { return places_of(a) < places_of(b); }));
+    ++lost_places_;
+    const std::uint64_t now_ns = monotonic_ns();
+    if (logged_ns_ != 0 && now_ns - logged_ns_ < kLogEachNs) return;
+    logged_ns_ = now_ns;
+    fmt::print(stderr, "tactiled-rdt: \"{}\" has {} clients: {} of them lost its place to another one so far\n", sensor_,
+               kMaxClients, lost_places_);
+}
+
+// Returns false if the client has all the records that it asked for.
 bool Stream::send_to(Client& client, const tactiled_sample& sample, Wrench values, Counts& counts) {
     if (!client.pace.passes(sample)) return true;
-    if (client.wants_bias &&
-        sample.quality == TACTILED_GOOD) {  // a doubtful value waits, since the bias would outlive its doubt
+    if (client.wants_bias && sample.quality == TACTILED_GOOD) {  // the bias of a doubtful value would outlive its doubt
         client.wants_bias = false;
         client.bias = values;
         client.bias_tare = sample.tare_count;
@@ -123,7 +137,7 @@ bool Stream::send_to(Client& client, const tactiled_sample& sample, Wrench value
     return client.left == 0 || --client.left > 0;
 }
 
-// Clients whose port is closed.
+// Removes the clients whose port is closed.
 void Stream::drop_gone() {
     for (;;) {
         std::array<std::uint8_t, kRecordSize> bytes;

@@ -46,6 +46,7 @@ private:
 
     void obey(const Request& request, const sockaddr_storage& from);
     void start(const Request& request, const sockaddr_storage& from);
+    void make_place(const sockaddr_storage& from);
     bool send_to(Client& client, const tactiled_sample& sample, Wrench values, Counts& counts);
     void drop_gone();
 
@@ -55,6 +56,7 @@ private:
     modbus::AllowList allow_;
     Descriptor fd_;
     bool bias_next_ = false, refused_bias_ = false;
+    std::uint64_t lost_places_ = 0, logged_ns_ = 0;
     std::vector<Client> clients_;  // in the order of their last starts
 };
 

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <span>
 
+#include "node/bridges/edge.hpp"
 #include "node/ctl/array_text.hpp"
 #include "node/ctl/grasp_text.hpp"
 #include "node/ctl/status_text.hpp"
@@ -83,9 +84,13 @@ void put_sensor(Text& text, const View& view, std::uint32_t i) {
     text.list<double>("cop_m", s.cop_S_m).number("residual", s.residual).end('}').raw(",");
 }
 
-void put_grasp(Text& text, const Segment& segment, const tactiled_grasp& g) {
+void put_grasp(Text& text, const View& view) {
+    const Segment& segment = *view.segment;
+    const tactiled_grasp& g = view.snapshot.node.grasp;
     text.raw("\"grasp\":{").text("state", ctl::grip_state_text(g.state)).number("weight_kg", g.weight_kg);
     text.number("weight_sd_kg", g.weight_sd_kg).text("weight_state", ctl::weight_state_text(g.weight_state));
+    text.text("quality", bridges::edge_of(view.grasp_quality()).word);
+    text.text("weight_quality", bridges::edge_of(view.weight_quality()).word);
     const std::string object(g.object, ::strnlen(g.object, sizeof g.object));
     text.text("object", object).whole("object_id", g.object_id).number("probability", double(g.object_probability));
     text.number("grip_N", double(g.grip_N)).number("recommended_N", double(g.recommended_grip_N));
@@ -173,7 +178,7 @@ std::string frame_message(const View& view, bool links) {
         text.whole("heartbeat", node.heartbeat).whole("status", node.status).whole("fault", node.fault);
         text.whole("warning", node.warning).whole("worst_cycle_us", node.worst_cycle_us);
         text.whole("missed_cycles", node.missed_cycles);
-        put_grasp(text, *view.segment, node.grasp);
+        put_grasp(text, view);
         if (links) put_links(text, *view.segment);
     }
     text.raw("\"sensors\":[");
@@ -185,7 +190,11 @@ std::string frame_message(const View& view, bool links) {
 std::string status_body(const View& view, const std::string& node_name) {
     nlohmann::json out{
         {"schema", 1}, {"node", node_name}, {"sensors", nlohmann::json::array()}, {"links", nlohmann::json::array()}};
-    if (view.segment->is_open()) out.update(ctl::status_json(*view.segment, view.snapshot));
+    if (view.segment->is_open()) {
+        out.update(ctl::status_json(*view.segment, view.snapshot));
+        out["grasp"]["quality"] = bridges::edge_of(view.grasp_quality()).word;
+        out["grasp"]["weight_quality"] = bridges::edge_of(view.weight_quality()).word;
+    }
     out["alive"] = view.is_alive;
     out["why"] = view.why;
     out["wall_ms"] = view.wall_ms;

@@ -53,15 +53,6 @@ private:
 
 std::string label(const char* key, std::string_view value) { return fmt::format("{}=\"{}\"", key, escaped(value)); }
 
-std::uint32_t worst_quality(const View& view) {
-    std::uint32_t worst = TACTILED_GOOD;
-    for (std::uint32_t i = 0; i < view.n_sensors(); ++i) {
-        const std::uint32_t quality = view.snapshot.sensor[i].quality;
-        worst = std::max(worst, quality == TACTILED_NO_VALUE ? std::uint32_t(TACTILED_BAD) : quality);
-    }
-    return worst;
-}
-
 // The label `quality` of a value: a GOOD and an UNCERTAIN value are samples of different series. "" for a value that is
 // BAD, which has no sample.
 std::string mark(std::uint32_t quality) {
@@ -77,7 +68,8 @@ void put_qualities(Page& page, const std::string& labels, std::uint32_t quality)
 void put_axes(Page& page, const std::string& labels, std::uint32_t quality, const double (&values)[3]) {
     const std::string marked = mark(quality);
     if (marked.empty()) return;
-    for (std::size_t c = 0; c < 3; ++c) page.sample(labels + label("axis", kAxes[c]) + "," + marked, values[c]);
+    for (std::size_t c = 0; c < 3; ++c)
+        page.sample(fmt::format("{}{},{}", labels, label("axis", kAxes[c]), marked), values[c]);
 }
 
 // One sample for each bit, with the word that `word_of` gives for it.
@@ -180,16 +172,18 @@ void put_grasp(Page& page, const View& view) {
         page.metric(name, type, help);
         page.sample(labels, value);
     };
-    page.metric("tactiled_grip_state", "gauge", "1 for the state of the gripper.");
+    const std::uint32_t of_grasp = view.grasp_quality(), of_weight = view.weight_quality();
+    const std::string grasp_word = "," + label("quality", bridges::edge_of(of_grasp).word),
+                      weight_word = "," + label("quality", bridges::edge_of(of_weight).word);
+    page.metric("tactiled_grip_state", "gauge", "1 for the state of the gripper, with the quality of the grasp.");
     for (const std::uint32_t state : {0u, 1u, 2u, 3u, 4u, 5u, 6u, std::uint32_t(TACTILED_GRIP_UNKNOWN)})
-        page.sample(label("state", ctl::grip_state_text(state)), g.state == state ? 1 : 0);
-    page.metric("tactiled_weight_state", "gauge", "1 for the state of the weight.");
+        page.sample(label("state", ctl::grip_state_text(state)) + grasp_word, g.state == state ? 1 : 0);
+    page.metric("tactiled_weight_state", "gauge", "1 for the state of the weight, with the quality of the weight.");
     for (std::uint32_t state = 0; state <= TACTILED_WEIGHT_NOT_OBSERVABLE; ++state)
-        page.sample(label("state", ctl::weight_state_text(state)), g.weight_state == state ? 1 : 0);
+        page.sample(label("state", ctl::weight_state_text(state)) + weight_word, g.weight_state == state ? 1 : 0);
     page.metric("tactiled_weight_doubt", "gauge", "1 for each reason for which the weight is not stable.");
     put_bits(page, "", "kind", 8, g.weight_doubts, &ctl::doubts_text);
-    const std::uint32_t worst = worst_quality(view);
-    const std::string weight = mark(bridges::weight_quality(g, worst));
+    const std::string weight = mark(of_weight);
     const double none = std::numeric_limits<double>::quiet_NaN();
     one("tactiled_weight_kilograms", "gauge",
         "Weight of the object; uncertain: not stable, or a sensor is not good; no sample: not known.", weight,
@@ -197,7 +191,7 @@ void put_grasp(Page& page, const View& view) {
     one("tactiled_weight_uncertainty_kilograms", "gauge", "One standard uncertainty of the weight.", weight,
         weight.empty() ? none : g.weight_sd_kg);
     one("tactiled_grip_newtons", "gauge", "Normal force of a jaw; uncertain: a sensor of the node is not good.",
-        mark(bridges::grasp_quality(g, worst)), g.state == TACTILED_GRIP_UNKNOWN ? none : double(g.grip_N));
+        mark(of_grasp), g.state == TACTILED_GRIP_UNKNOWN ? none : double(g.grip_N));
     one("tactiled_grasps_total", "counter", "Grasps.", "", g.grasps);
     one("tactiled_slips_total", "counter", "Gross slips of all jaws.", "", g.slips);
 }

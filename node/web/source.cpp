@@ -7,6 +7,8 @@
 #include <limits>
 #include <utility>
 
+#include "node/bridges/edge.hpp"
+
 namespace tactiled::web {
 namespace {
 
@@ -22,16 +24,8 @@ std::int64_t wall_ms() {
 double component(const tactiled_sample& s, std::size_t c) { return c < 3 ? s.force_S_N[c] : s.torque_S_Nm[c - 3]; }
 double sd_of(const tactiled_sample& s, std::size_t c) { return c < 3 ? s.sd_force_N[c] : s.sd_torque_Nm[c - 3]; }
 
-// Good, uncertain, bad: a larger number is worse, and no value is as bad as BAD.
-std::uint32_t worse(std::uint32_t a, std::uint32_t b) {
-    const auto rank = [](std::uint32_t quality) {
-        return quality == TACTILED_NO_VALUE ? std::uint32_t(TACTILED_BAD) : quality;
-    };
-    return std::max(rank(a), rank(b));
-}
-
 void widen(Interval& interval, const tactiled_sample& s) {
-    interval.quality = worse(interval.quality, s.quality);
+    interval.quality = bridges::worse(interval.quality, s.quality);
     interval.reasons |= s.reasons;
     for (std::size_t c = 0; c < 6; ++c) {
         const double value = component(s, c), sd = sd_of(s, c);
@@ -51,6 +45,12 @@ void forget_measured(tactiled_sample& s) {
 }
 
 }  // namespace
+
+std::uint32_t View::worst_quality() const { return bridges::worst_quality(std::span(snapshot.sensor).first(n_sensors())); }
+
+std::uint32_t View::grasp_quality() const { return bridges::grasp_quality(snapshot.node.grasp, worst_quality()); }
+
+std::uint32_t View::weight_quality() const { return bridges::weight_quality(snapshot.node.grasp, worst_quality()); }
 
 const View& Source::tick() {
     attach();

@@ -37,6 +37,12 @@ struct View {
 
     [[nodiscard]] std::uint32_t n_sensors() const { return segment->is_open() ? segment->n_sensors() : 0; }
     [[nodiscard]] std::uint32_t n_links() const { return segment->is_open() ? segment->n_links() : 0; }
+    // See bridges/edge.hpp.
+    [[nodiscard]] std::uint32_t grasp_quality() const;
+    [[nodiscard]] std::uint32_t weight_quality() const;
+
+private:
+    [[nodiscard]] std::uint32_t worst_quality() const;
 };
 
 // Follows one node, across restarts of its daemon.

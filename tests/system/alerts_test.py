@@ -19,9 +19,13 @@ STEPS = 240
 TOP = [p["title"] for p in DASHBOARD["panels"] if p["type"] == "stat"]
 DEAD, FAULT, NO_VALUE, UNCERTAIN = TOP[:4]
 SENSOR, NODE = 'sensor="left"', 'node="cell3"'
+# The words of the warnings, and the alerts that each causes: lost frames and doubts have metrics, and alerts, of their own.
+WARNINGS = {word: [] if word in ("lost-frames", "jaws-differ") else ["TactiledWarning"]
+            for word in re.findall(r'"([\w-]+)"', re.search(r"kWarningWords\{(.*?)\};", (ROOT / "node/web/timeline.cpp").read_text(), re.DOTALL).group(1))}
 HEALTHY = {"up": 1, f"tactiled_up,{NODE}": 1, f'tactiled_sensor_quality,{SENSOR},quality="good"': 1, 'tactiled_fault,kind="sensor-lost"': 0,
            'tactiled_weight_doubt,kind="moves"': 0, 'tactiled_weight_doubt,kind="shares"': 0, 'tactiled_tool_quality,quality="good"': 1,
            f"tactiled_sensor_lost_frames_total,{SENSOR}": 0, "tactiled_rt_degraded": 0, "tactiled_slips_total": 0,
+           "tactiled_simulated": 0, **{f'tactiled_warning,kind="{word}"': 0 for word in WARNINGS},
            **{f'tactiled_sensor_quality,{SENSOR},quality="{word}"': 0 for word in ("uncertain", "bad", "no-value")}}
 
 
@@ -46,6 +50,8 @@ CASES = {
     "a doubted wrench": ({'tactiled_tool_quality,quality="good"': 0, 'tactiled_tool_quality,quality="uncertain"': 1}, ["TactiledWrenchUncertain"], []),
     "frames are lost": ({f"tactiled_sensor_lost_frames_total,{SENSOR}": list(range(STEPS))}, ["TactiledFramesLost"], []),
     "frames were lost once": ({f"tactiled_sensor_lost_frames_total,{SENSOR}": [0] * 40 + [7]}, [], []),
+    "a simulated gripper": ({"tactiled_simulated": 1}, ["TactiledSimulated"], []),
+    **{f"the warning {word}": ({f'tactiled_warning,kind="{word}"': 1}, alerts, []) for word, alerts in WARNINGS.items()},
     "no real-time priority": ({"tactiled_rt_degraded": 1}, ["TactiledNoRealTime"], []),
 }
 

@@ -139,6 +139,20 @@ class Dds(unittest.TestCase):
         self.assertEqual(server.stop(), 0)
         self.assertEqual(server.counts()[1:], (0, 0))  # dropped: a write that had to wait; missed: a writer that was late
 
+    def test_a_reader_that_stood_still_gets_no_old_value_again(self):
+        self.bridge()
+        stopped, reader = self.reader(), self.reader()
+        wait_for(lambda: len(reader.lines) > 50 and len(stopped.lines) > 50, "messages")
+        halt(stopped.process.pid)
+        stopped_ns, seen = time.time_ns(), len(stopped.lines)
+        wait_for(lambda: int(reader.lines[-1][1]) > stopped_ns + 6e9, "6 s of messages")
+        continued_ns = time.time_ns()
+        stopped.process.send_signal(signal.SIGCONT)
+        wait_for(lambda: int(stopped.lines[-1][1]) > continued_ns + 1e9, "messages after the stop")
+        # Its socket held the first messages of the stop: 208 KiB are 1.4 s of them. The bridge sends none again that is older than 1 s.
+        again = [line for line in stopped.lines[seen:] if stopped_ns + 3e9 < int(line[1]) < continued_ns - 1.1e9]
+        self.assertEqual(len(again), 0)
+
     def test_an_uncertain_wrench_is_sent_on_request_alone(self):
         daemon = unit_daemon(calibration=CALIBRATION.replace("sd = [0.01, 0.01, 0.01]\n", "")).start()
         self.addCleanup(shutil.rmtree, daemon.folder)

@@ -34,6 +34,8 @@ class Grasp(unittest.TestCase):
         self.home = HomeAssistant(self.broker.port)
         self.addCleanup(self.home.close)
         self.grasps, self.tools = Reader("rt/hand/grasp", domain=DOMAIN), Reader("rt/hand/tool_wrench", domain=DOMAIN)
+        self.diagnostics = Reader("rt/diagnostics", domain=DOMAIN)
+        self.addCleanup(self.diagnostics.close)
         self.addCleanup(self.grasps.close)
         self.addCleanup(self.tools.close)
         self.mqtt = bridge("mqtt", self.daemon.name, "--port", self.broker.port, "--discovery", "homeassistant")
@@ -80,11 +82,13 @@ class Grasp(unittest.TestCase):
         self.assertGreater(int(self.grasps.lines[-1][3].split()[0]), int(self.grasps.lines[-1][1]), "valid until, after the sample")
         wait_for(lambda: self.tools.lines, "the wrench on the gripper in ROS 2")
         self.assertAlmostEqual(self.tools.wrench()[2], MASS_kg * G_m_s2, delta=0.1)
+        wait_for(lambda: self.diagnostics.lines and ": tool_wrench | good" in self.diagnostics.lines[-1][3], "the wrench in the diagnostics")
         self.devices["left"].is_silent = True
         self.until("weight", lambda m: m["quality"] == "bad" and m["weight_kg"] is None)
         self.until("tool", lambda m: m["quality"] == "bad" and m["force_N"] == [None] * 3)
         wait_for(lambda: not {"weight", "grasp", "slips", "Fz"} & set(self.home.shown()), f"the end in Home Assistant: {self.home.shown()}")
         wait_for(lambda: self.grasp()[:4] == ["3", "unknown", "3", "none"], "the end in ROS 2")
+        wait_for(lambda: ": tool_wrench | bad: sensor" in self.diagnostics.lines[-1][3], "the reason of the wrench in ROS 2")
         sent = len(self.tools.lines)
         self.until("tool", lambda m: m["quality"] == "bad" and m["t_s"] > 0)
         self.devices["left"].is_silent = False

@@ -1,13 +1,16 @@
 #!/usr/bin/env python3
 """tactiled-rdt: a client of RDT reads the values of the segment, with an error in the status while they are doubtful, and nothing at all
 while there is no value."""
+import contextlib
 import http.client as http_client
+import itertools
 import pathlib
 import shutil
 import socket
 import statistics
 import subprocess
 import sys
+import threading
 import unittest
 import urllib.error
 import urllib.request
@@ -15,6 +18,7 @@ import urllib.request
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from bridge_process import bridge  # noqa: E402
 from daemon import BIN, free_port, wait_for  # noqa: E402
+from forged_node import REASONS, UNCERTAIN, ForgedNode  # noqa: E402
 from rdt_client import Client, NetFt  # noqa: E402
 from unit_daemon import CALIBRATION, quality_is, unit_daemon  # noqa: E402
 
@@ -134,6 +138,44 @@ class Rdt(unittest.TestCase):
             pass
         self.assertEqual(of_other[3], [1, 2, -3, 0, 0, 0])
 
+    def test_a_bias_waits_for_a_good_value_and_ends_with_a_tare(self):
+        data = self.daemon.segment.read_bytes()
+        self.daemon.stop()
+        uncertain = next(bit for bit, _, _, best in REASONS if best == UNCERTAIN)
+        with ForgedNode(self.daemon.name, data) as node:
+            node.show(uncertain)
+            self.bridge("--zero", "mx,my,mz", "--bias")
+            client = self.client()
+            client.request(BIAS)
+            client.request(STREAM)
+            self.assertEqual({(r[2] != 0, tuple(r[3][:3])) for r in (client.record() for _ in range(50))}, {(True, (1, 2, -3))})
+            node.show(0)
+            while (record := client.record())[2]:
+                pass
+            self.assertEqual(record[3], [0] * 6)
+            node.show(0, force_N=(2, 4, -6))
+            while (record := client.record())[3] == [0] * 6:
+                pass
+            self.assertEqual(record[3][:3], [1, 2, -3])
+            node.put_sample("tare_count", 7)
+            while (record := client.record())[3][:3] == [1, 2, -3]:
+                pass
+            self.assertEqual(record[3][:3], [2, 4, -6])
+
+    def test_a_host_takes_no_place_of_one_that_has_fewer(self):
+        server = self.bridge("--zero", "mx,my,mz", "--allow", "127.0.0.0/8")
+        quiet = self.client()
+        quiet.socket.bind(("127.0.0.2", 0))
+        quiet.request(STREAM)
+        quiet.record()
+        crowd = [self.client() for _ in range(40)]
+        for client in crowd:
+            client.request(STREAM)
+            client.record()
+        last = quiet.record()[0]
+        wait_for(lambda: quiet.record()[0] > last + 100, "records of the host with one place")
+        self.assertEqual(server.log().count("lost its place"), 1)
+
     def test_a_rate_is_kept(self):
         self.bridge("--zero", "mx,my,mz", "--rate-Hz", "50")
         client = self.client()
@@ -198,10 +240,13 @@ class Rdt(unittest.TestCase):
         self.daemon.process.wait()
         wait_for(lambda: client.now()[0] & (ERROR | 1 << 14) == ERROR | 1 << 14, "the end of the daemon")
         self.assertEqual(client.now()[1], [])
-        with self.assertRaises(urllib.error.HTTPError) as other:
-            urllib.request.urlopen(f"http://127.0.0.1:{http}/netftcalapi.xml", timeout=30)
-        self.assertEqual(other.exception.code, 404)
-        other.exception.close()
+        for absent in ("netftcalapi.xml", "netftapi2.xml?index=1"):
+            with self.assertRaises(urllib.error.HTTPError) as other:
+                urllib.request.urlopen(f"http://127.0.0.1:{http}/{absent}", timeout=30)
+            self.assertEqual(other.exception.code, 404)
+            other.exception.close()
+        with urllib.request.urlopen(f"http://127.0.0.1:{http}/netftapi2.xml?index=0", timeout=30) as answer:
+            self.assertEqual(answer.status, 200)
 
     def test_a_doubtful_value_is_refused_by_a_client_that_reads_its_status(self):
         daemon, http = self.uncertain(), free_port()
@@ -225,6 +270,12 @@ class Rdt(unittest.TestCase):
             connection.close()
             return text
 
+        def tried(address):
+            try:
+                return get(address)
+            except (OSError, http_client.HTTPException):
+                return ""
+
         self.assertIn("<cfgcpf>1000000</cfgcpf>", get("127.0.0.3"))
         self.assertIn("<cfgcpf>", get("127.0.0.3", "localhost"))
         self.assertNotIn("<", get("127.0.0.3", "gripper.example"))  # DNS rebinding
@@ -232,7 +283,27 @@ class Rdt(unittest.TestCase):
         for each in idle:
             self.addCleanup(each.close)
         self.assertIn("<cfgcpf>", get("127.0.0.3"))
+        self.keep_dripping([socket.create_connection(("127.0.0.1", http), source_address=("127.0.0.3", 0)) for _ in range(8)])
+        wait_for(lambda: "<cfgcpf>" in tried("127.0.0.3"), "a place beside clients that send byte by byte")
         self.assertIn("addresses of their own", self.refused("--sensor", "left", "--listen", f"127.0.0.1:{free_port()}", "--zero", "mx,my,mz", "--http-port", str(http)))
+
+    def keep_dripping(self, clients):
+        """Each sends a request without an end, a byte ten times a second."""
+        ended = threading.Event()
+
+        def drip():
+            for byte in itertools.chain(b"GET /netftapi2.xml HTTP/1.1\r\nX: ", itertools.repeat(ord("a"))):
+                for each in clients:
+                    with contextlib.suppress(OSError):
+                        each.send(bytes([byte]))
+                if ended.wait(0.1):
+                    return
+        thread = threading.Thread(target=drip)
+        thread.start()
+        for each in clients:
+            self.addCleanup(each.close)
+        self.addCleanup(thread.join)
+        self.addCleanup(ended.set)
 
     def test_rubbish_changes_nothing(self):
         self.bridge("--zero", "mx,my,mz")

@@ -62,7 +62,8 @@ class ForgedNode:
     """A context manager. `bytes_of_a_segment`: of a daemon that has published. It takes that node's name."""
 
     PERIOD_S = 0.005
-    has_grasp = False
+    has_grasp = has_tool = False
+    clock = None  # a function of CLOCK_MONOTONIC in ns: the number that each value then has, in N or kg
 
     def __init__(self, name, bytes_of_a_segment):
         data = bytearray(bytes_of_a_segment)
@@ -97,11 +98,20 @@ class ForgedNode:
             ring.put("sample", "force_S_N", *force_N)
             ring.put("sample", "sd_force_N", *(0.01 + 0 * force for force in force_N))
 
+    def put_sample(self, member, value, sensor=0):
+        with self.lock:
+            self.sensors[sensor].put("sample", member, value)
+
+    def put_status(self, status):
+        with self.lock:
+            self.node.put("node", "status", status)
+
     def show_grasp(self, **members):
         self.has_grasp = True
         self.put_part("grasp", members)
 
     def show_tool(self, **members):
+        self.has_tool = True
         self.put_part("tool", members)
 
     def put_part(self, part, members):
@@ -112,6 +122,8 @@ class ForgedNode:
     def publish(self):
         with self.lock:
             now_ns = time.monotonic_ns()
+            if self.clock:
+                self.put_clock(self.clock(now_ns))
             for i, ring in enumerate(self.sensors):
                 self.sequence[i] += 1
                 for member, value in (("sequence", self.sequence[i]), ("t_ns", now_ns), ("t_published_ns", now_ns)):
@@ -120,9 +132,17 @@ class ForgedNode:
             self.node.put("node", "count", *(ring.words[ring.head] for ring in self.sensors), *[0] * (16 - len(self.sensors)))
             self.node.put("node", "sequence", struct.unpack_from("=Q", self.node.record)[0] + 1)
             self.node.put("node", "t_ns", now_ns)
+            for member in ("t_ns", "t_newest_ns") if self.has_tool else ():
+                self.node.put("tool", member, now_ns, at=LAYOUT.offset("node", "tool"))
             if self.has_grasp:
                 self.node.put("grasp", "t_ns", now_ns, at=LAYOUT.offset("node", "grasp"))
             self.node.publish()
+
+    def put_clock(self, number):
+        for ring in self.sensors:
+            ring.put("sample", "force_S_N", 1, 2, number)
+        for part, member, values in (("grasp", "weight_kg", [number]), ("grasp", "grip_N", [number]), ("grasp", "slips", [math.ceil(number)]), ("tool", "force_G_N", [1, 2, number])):
+            self.node.put(part, member, *values, at=LAYOUT.offset("node", part))
 
     def run(self):
         while not self.ended:

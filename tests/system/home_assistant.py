@@ -1,5 +1,6 @@
 """A model of Home Assistant's entities of MQTT, as its documentation describes them: discovery, availability with its modes, value_template
 and expire_after. It reads a broker by mosquitto_sub and knows nothing of the bridge."""
+import datetime
 import json
 import subprocess
 import threading
@@ -20,7 +21,7 @@ class Fields:
 def render(template, payload):
     """The result of a template of one expression whose syntax is also that of Python."""
     expression = template.strip().removeprefix("{{").removesuffix("}}").strip()
-    return str(eval(expression, {"__builtins__": {}}, {"value_json": Fields(json.loads(payload))}))
+    return str(eval(expression, {"__builtins__": {}}, {"value_json": Fields(json.loads(payload)), "now": datetime.datetime.now}))
 
 
 class Entity:
@@ -61,6 +62,8 @@ class HomeAssistant:
             with self.lock:
                 if topic.startswith(self.root + "/"):
                     self.find(Entity(json.loads(payload)))
+                    continue
+                if not payload:  # no template has a result for it
                     continue
                 if retained == "1":
                     self.retained[topic] = payload

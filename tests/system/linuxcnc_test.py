@@ -15,7 +15,12 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from daemon import ROOT, halt, wait_for  # noqa: E402
+from forged_node import ForgedNode  # noqa: E402
 from unit_daemon import CALIBRATION, quality_is, unit_daemon  # noqa: E402
+
+sys.dont_write_bytecode = True
+sys.path.insert(0, str(ROOT / "node/python"))
+import tactiled  # noqa: E402
 
 SOURCE = ROOT / "node/bridges/linuxcnc/tactiled_hal.c"
 HEADERS = pathlib.Path(os.environ.get("LINUXCNC_INCLUDE", "/usr/include/linuxcnc"))
@@ -80,6 +85,17 @@ class Hal(unittest.TestCase):
             wait_for(lambda: not hal.bit("valid"), "the end")
             self.assertTrue(all(map(math.isnan, hal.force())))
             self.daemon.process.send_signal(signal.SIGCONT)
+
+    def test_a_simulated_value_is_marked(self):
+        hal = self.component()
+        wait_for(lambda: hal.bit("valid"), "a good value")
+        self.assertFalse(hal.bit("simulated"))
+        data = self.daemon.segment.read_bytes()
+        self.daemon.stop()
+        wait_for(lambda: not hal.bit("valid"), "the end of the daemon")
+        with ForgedNode(self.daemon.name, data) as node:
+            node.put_status(tactiled.SIMULATED)
+            wait_for(lambda: hal.bit("valid") and hal.bit("simulated"), "a value that is marked")
 
     def test_an_uncertain_value_is_valid_on_request_alone(self):
         hal = self.component(calibration=CALIBRATION.replace("sd = [0.01, 0.01, 0.01]\n", ""))

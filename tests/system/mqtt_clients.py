@@ -46,7 +46,7 @@ class OldBroker:
     ANSWERS = {"3.1.1": b"\x20\x02\x00\x01", "5": b"\x20\x03\x00\x84\x00"}
 
     def __init__(self, port, answer):
-        self.to, self.refused, self.answer = port, 0, self.ANSWERS[answer]
+        self.to, self.refused, self.answer, self.is_old, self.sockets = port, 0, self.ANSWERS[answer], True, []
         self.listener = socket.create_server(("127.0.0.1", 0))
         self.port = self.listener.getsockname()[1]
         threading.Thread(target=self.accept, daemon=True).start()
@@ -58,7 +58,8 @@ class OldBroker:
 
     def serve(self, client):
         first = client.recv(4096)
-        if first[first.index(b"MQTT") + 4] != 4:
+        self.sockets.append(client)
+        if self.is_old and first[first.index(b"MQTT") + 4] != 4:
             self.refused += 1
             client.sendall(self.answer)
             client.close()
@@ -77,6 +78,13 @@ class OldBroker:
             with contextlib.suppress(OSError):
                 each.shutdown(socket.SHUT_RDWR)
 
+    def renew(self):
+        """From now on a broker that speaks MQTT 5 answers at this port; the connections end."""
+        self.is_old = False
+        for each in self.sockets:
+            with contextlib.suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
+
     def close(self):
         self.listener.close()
 
@@ -91,8 +99,9 @@ class Subscriber:
 
     def read(self):
         for line in self.process.stdout:
-            topic, _, text = line.partition(" ")
-            self.messages.put((topic, json.loads(text)))
+            topic, _, text = line.rstrip("\n").partition(" ")
+            if text != "(null)":  # an empty message: the broker forgets what it retained
+                self.messages.put((topic, json.loads(text)))
 
     def until(self, condition, seconds=PATIENCE_S):
         """The first message for which condition(topic, message) is true."""

@@ -24,7 +24,7 @@ from pymodbus.client import ModbusTcpClient
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from daemon import PATIENCE_S, ROOT, Stopwatch, free_port, wait_for  # noqa: E402
-from forged_node import REASONS, ForgedNode  # noqa: E402
+from forged_node import REASONS, UNCERTAIN, ForgedNode  # noqa: E402
 from hostile_web import KINDS, Hostile, ordinary  # noqa: E402
 from unit_daemon import CONFIG, quality_is, unit_daemon  # noqa: E402
 from mcap_bytes import with_checksums, with_quality  # noqa: E402
@@ -106,18 +106,26 @@ class Metrics(WebCase):
             for name in (force, "tactiled_sensor_force_uncertainty_newtons"):
                 self.assertTrue(self.is_marked(name, quality, 0 if best == BAD else 3), (name, word))
 
+    def status_of_grasp(self):
+        grasp = json.loads(self.served.ask("/api/status")[2])["grasp"]
+        return grasp["quality"], grasp["weight_quality"]
+
     def test_a_weight_has_its_state_its_doubts_and_its_quality(self):
         states = dict(none=None, estimating="uncertain", stable="good", overload=None)
         states["not-observable"] = None
         for number, (state, quality) in enumerate(states.items()):
             doubts = 1 << 2 | 1 << 7 if state == "estimating" else 0
             self.node.show_grasp(state=4, weight_state=number, weight_kg=0.2 if quality else math.nan, weight_sd_kg=0.01, weight_doubts=doubts)
-            wait_for(lambda: self.samples("tactiled_weight_state").get((("state", state),)) == 1, state)
+            labels = (("state", state), ("quality", quality or "bad"))
+            wait_for(lambda: self.samples("tactiled_weight_state").get(labels) == 1, state)
             self.assertEqual(sum(self.samples("tactiled_weight_state").values()), 1)
             for name in ("tactiled_weight_kilograms", "tactiled_weight_uncertainty_kilograms"):
                 self.assertTrue(self.is_marked(name, quality, 1 if quality else 0), (name, state))
             kinds = {labels[0][1] for labels, value in self.samples("tactiled_weight_doubt").items() if value == 1}
             self.assertEqual(kinds, {"dead-shear", "late"} if doubts else set())
+            wait_for(lambda: self.status_of_grasp() == ("good", quality or "bad"), f"the status of {state}")
+        self.node.show(next(bit for bit, _, _, best in REASONS if best == UNCERTAIN))
+        wait_for(lambda: self.samples("tactiled_grip_state").get((("state", "holding"), ("quality", "uncertain"))) == 1, "an uncertain grasp")
 
     def test_the_wrench_on_the_gripper_has_its_quality_and_reasons(self):
         force = "tactiled_tool_force_newtons"

@@ -25,6 +25,7 @@ struct pins {
     hal_bit_t* contact;          /* the magnitude has passed contact_on_N */
     hal_u32_t* reasons;          /* enum tactiled_reason */
     hal_u32_t* sequence;         /* counts the sensor's samples */
+    hal_bit_t* simulated;        /* a link of the node is simulated or replayed: no device measures the forces */
     hal_bit_t* accept_uncertain; /* in: uncertain values are valid, too */
 };
 
@@ -48,26 +49,37 @@ static int make_pins(struct pins* p, int component, const char* sensor) {
     failed |= hal_pin_bit_newf(HAL_OUT, &p->contact, component, "tactiled.%s.contact", sensor);
     failed |= hal_pin_u32_newf(HAL_OUT, &p->reasons, component, "tactiled.%s.reasons", sensor);
     failed |= hal_pin_u32_newf(HAL_OUT, &p->sequence, component, "tactiled.%s.sequence", sensor);
+    failed |= hal_pin_bit_newf(HAL_OUT, &p->simulated, component, "tactiled.%s.simulated", sensor);
     failed |= hal_pin_bit_newf(HAL_IN, &p->accept_uncertain, component, "tactiled.%s.accept-uncertain", sensor);
     return failed == 0;
 }
 
-/* The forces first become NaN, then `valid`, and the other way round for a value: a realtime thread that reads the pins
- * meanwhile finds no old force with valid = TRUE. */
-static void show(const struct pins* p, const struct tactiled_sample* s) {
+static int is_simulated(const struct tactiled_reader* reader) {
+    struct tactiled_node node;
+    return reader->index >= 0 && tactiled_latest_node(&reader->segment, &node, tactiled_now_ns()) &&
+           (node.status & TACTILED_SIMULATED) != 0;
+}
+
+/* `valid` becomes FALSE before the forces become NaN, and TRUE after they have a value; `uncertain` becomes TRUE before
+ * them, and FALSE after them. Each pair of fences keeps that order for a realtime thread that reads the pins meanwhile. */
+static void show(const struct pins* p, const struct tactiled_sample* s, int simulated) {
     const int uncertain = s->quality == TACTILED_UNCERTAIN;
     const int valid = s->quality == TACTILED_GOOD || (uncertain && *p->accept_uncertain);
     int i;
     if (!valid) *p->valid = 0;
-    if (uncertain) *p->uncertain = 1; /* before the forces, and cleared after them */
+    if (uncertain) *p->uncertain = 1;
+    if (simulated) *p->simulated = 1;
+    __atomic_thread_fence(__ATOMIC_RELEASE);
     for (i = 0; i < 3; ++i) {
         *p->axis[i] = valid ? s->force_S_N[i] : (double)NAN;
         *p->axis[3 + i] = valid ? s->torque_S_Nm[i] : (double)NAN;
         *p->sd[i] = valid ? s->sd_force_N[i] : (double)NAN;
     }
     *p->age_s = s->t_ns == 0 ? (double)NAN : (double)(tactiled_now_ns() - s->t_ns) / 1e9;
+    __atomic_thread_fence(__ATOMIC_RELEASE);
     *p->good = s->quality == TACTILED_GOOD;
     *p->uncertain = uncertain;
+    *p->simulated = simulated;
     *p->contact = valid && (s->state & TACTILED_CONTACT) != 0;
     *p->reasons = s->reasons;
     *p->sequence = (uint32_t)s->sequence;
@@ -101,13 +113,13 @@ int main(int argc, char** argv) {
     /* A daemon that is not there yet, or starts again, is waited for. */
     tactiled_reader_init(&reader, argv[1], argv[2]);
     tactiled_reader_latest(&reader, &sample);
-    show(pins, &sample);
+    show(pins, &sample, is_simulated(&reader));
     hal_ready(component);
     while (!ended) {
         /* At each sample, and each 10 ms without one: then the newest is judged again, and is not valid once it is too old.
          */
         if (!tactiled_reader_wait(&reader, &sample, 10, TACTILED_BLOCK)) tactiled_reader_latest(&reader, &sample);
-        show(pins, &sample);
+        show(pins, &sample, is_simulated(&reader));
     }
     hal_exit(component);
     tactiled_reader_detach(&reader);

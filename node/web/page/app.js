@@ -254,11 +254,12 @@ function showSummary(f) {
 }
 
 function showGrasp(g) {
+  const mark = (quality) => (quality === "uncertain" ? ", uncertain" : "");
   const box = byId("grasp"), of = (key) => box.querySelector(`[data-grasp=${key}]`);
   if (g && g.state !== "unknown") box.hidden = false;
   if (box.hidden) return;
-  put(of("state"), g ? g.state : "–");
-  put(of("weight"), g && known(g.weight_kg) ? `${number(g.weight_kg, 4)} ± ${number(g.weight_sd_kg, 4)} kg (${g.weight_state})` : g ? `– (${g.weight_state})` : "–");
+  put(of("state"), g ? g.state + mark(g.quality) : "–");
+  put(of("weight"), g && known(g.weight_kg) ? `${number(g.weight_kg, 4)} ± ${number(g.weight_sd_kg, 4)} kg (${g.weight_state}${mark(g.weight_quality)})` : g ? `– (${g.weight_state})` : "–");
   put(of("object"), g ? (g.object_id ? `${g.object} (${number(g.probability * 100, 1)} %)` : "unknown") : "–");
   put(of("grip"), g ? `${number(g.grip_N, 2)} N, recommended ${number(g.recommended_N, 2)} N` : "–");
   put(of("friction"), g ? `${number(g.friction, 2)} ± ${number(g.friction_sd, 2)}` : "–");

@@ -9,9 +9,9 @@ import time
 import tactiled
 from promql import Store, panel, rules
 
-from edges.mqtt import HomeAssistant, HomeAssistantWeight, Mqtt, MqttWeight
+from edges.mqtt import HomeAssistant, HomeAssistantGrasp, HomeAssistantTool, HomeAssistantWeight, Mqtt, MqttGrasp, MqttTool, MqttWeight
 from edges.output import GOOD, SENSOR, Output
-from edges.plc import Plc, PlcWeight
+from edges.plc import Plc, PlcTool, PlcWeight
 
 
 class Prometheus(Output):
@@ -42,11 +42,29 @@ class Prometheus(Output):
 
     def look(self):
         found = self.ask(panel(self.series)[0])
-        return (min(found.values()), None) if found else None
+        return (min(found.values()), self.told(min(found.values()))) if found else None
 
 
 class PrometheusWeight(Prometheus):
     name, needs, series = "Prometheus, weight of the dashboard", Prometheus.needs - {"sensor"}, "Weight"
+
+
+class PrometheusTool(Prometheus):
+    name, needs, series = "Prometheus, wrench on the gripper of the dashboard", Prometheus.needs - {"sensor"}, "Force on the gripper, z"
+
+
+class PrometheusStates(Prometheus):
+    """The series of the states of weight and gripper. A state looks healthy unless its series says that it is not."""
+    name, needs, metric = "Prometheus, state of the weight", Prometheus.needs - {"sensor"}, "tactiled_weight_state"
+    healthy = "stable"
+
+    def look(self):
+        found = self.ask(f'{self.metric}{{state="{self.healthy}",quality!~"uncertain|bad"}} == 1')
+        return (self.healthy, None) if found else None
+
+
+class PrometheusGrasp(PrometheusStates):
+    name, metric, healthy = "Prometheus, state of the gripper", "tactiled_grip_state", "holding"
 
 
 class Rules(Prometheus):
@@ -63,7 +81,7 @@ class Rules(Prometheus):
 
 class Dds(Output):
     """A reader of Fast DDS on the topic of the wrench: each message is used."""
-    name, topic = "DDS", f"{SENSOR}/wrench"
+    name, topic, stands = "DDS", f"{SENSOR}/wrench", True
 
     def open(self):
         self.lines(self.rig.bin / "fastdds_reader", self.rig.domain, "600", f"rt/{self.rig.node.replace('-', '_')}/{self.topic}")
@@ -76,21 +94,30 @@ class Dds(Output):
 class DdsWeight(Dds):
     """The topic of the grasp: a message is used until its `valid_until`."""
     name, needs, topic, lasts_s = "DDS, weight", Dds.needs - {"sensor"}, "grasp", math.inf
-    until_s = 0.0
+    until_s, field = 0.0, 6
 
     def came(self, line):
-        _, sent, _, until, _, _, weight_quality, *_ = line.split(" ")
+        words = line.split(" ")
         to_clock_s = time.monotonic() - time.time()
-        self.until_s = int(until) / 1e9 + to_clock_s
-        self.show(("weight", int(sent) / 1e9 + to_clock_s) if int(weight_quality) == GOOD else None)
+        self.until_s = int(words[3]) / 1e9 + to_clock_s
+        good = int(words[self.field]) == GOOD and time.monotonic() < self.until_s
+        self.show((self.name, int(words[1]) / 1e9 + to_clock_s) if good else None)
 
     def look(self):
         return self.newest if time.monotonic() < self.until_s else None
 
 
+class DdsGrasp(DdsWeight):
+    name, field = "DDS, grasp", 4
+
+
+class DdsTool(Dds):
+    name, needs, topic = "DDS, wrench on the gripper", Dds.needs - {"sensor"}, "tool_wrench"
+
+
 class Rdt(Output):
     """A client of a Net F/T: a record with the status 0 is used. It asks again while nothing comes."""
-    name, needs = "RDT", {"sensor", "daemon", "bridge", "network"}
+    name, needs, stands = "RDT", {"sensor", "daemon", "bridge", "network"}, True
 
     def open(self):
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -100,8 +127,9 @@ class Rdt(Output):
     def receive(self):
         self.socket.sendto(struct.pack("!HHI", 0x1234, 2, 0), ("127.0.0.1", self.rig.rdt))
         while not self.ended:
+            self.wait()
             fields = struct.unpack("!IIIiiiiii", self.socket.recv(100))
-            self.show((fields[5] / 1e6, None) if fields[2] == 0 else None)
+            self.show((fields[5] / 1e6, self.told(fields[5] / 1e6)) if fields[2] == 0 else None)
 
 
 class LinuxCnc(Output):
@@ -130,7 +158,7 @@ class LinuxCnc(Output):
 
 class Web(Output):
     """The stream of the web page. A frame is shown for 0.5 s at most, as by the page."""
-    name, needs, lasts_s = "Web page, stream", {"sensor", "daemon", "bridge", "network"}, 0.5
+    name, needs, lasts_s, stands = "Web page, stream", {"sensor", "daemon", "bridge", "network"}, 0.5, True
 
     def open(self):
         self.thread(self.follow)
@@ -141,12 +169,14 @@ class Web(Output):
             connection.request("GET", "/api/stream")
             answer, is_frame = connection.getresponse(), True
             while not self.ended and (line := answer.readline()):
+                self.wait()
                 if line.startswith(b"event: "):
                     is_frame = False
                 elif line.startswith(b"data: ") and is_frame:
                     frame = json.loads(line[6:])
                     sensor = frame["sensors"][0] if frame["sensors"] else {}
-                    good = frame["alive"] and sensor.get("quality") == GOOD
+                    is_young = time.monotonic() - frame["t_s"] < self.lasts_s  # the page judges that by its own clock
+                    good = is_young and frame["alive"] and sensor.get("quality") == GOOD
                     self.show((sensor["force_N"][2], frame["t_s"] - sensor["age_ms"] / 1000) if good else None)
                 elif line == b"\n":
                     is_frame = True
@@ -170,13 +200,31 @@ class Api(Output):
 
 
 class ApiWeight(Api):
+    """The states look healthy unless their quality says that they are not."""
     name, needs = "Web page, weight of /api/status", Api.needs - {"sensor"}
+    keys, healthy = ("grasp", "weight_state", "weight_quality", "weight_kg"), "stable"
 
     def ask(self):
         time.sleep(0.08)
         status = json.loads(self.rig.get("/api/status", 0.3))
-        good = status["alive"] and status["grasp"]["weight_state"] == "stable"
-        self.show((status["grasp"]["weight_kg"], None) if good else None)
+        part, state, quality, number = self.keys
+        fields = status.get(part) or {}
+        good = status["alive"] and fields.get(state) == self.healthy and fields.get(quality, "good") == "good"
+        self.show((self.name, self.told(self.number(fields[number]))) if good else None)
+
+    def number(self, value):
+        return value
+
+
+class ApiGrasp(ApiWeight):
+    name, keys, healthy = "Web page, grasp of /api/status", ("grasp", "state", "quality", "grip_N"), "holding"
+
+
+class ApiTool(ApiWeight):
+    name, keys, healthy = "Web page, wrench on the gripper of /api/status", ("tool", "quality", "quality", "force_G_N"), "good"
+
+    def number(self, value):
+        return value[2]
 
 
 class Python(Output):
@@ -201,6 +249,8 @@ class C(Output):
     def open(self):
         self.lines(self.rig.folder / self.program, self.rig.node, SENSOR)
 
+    stands = True
+
     def came(self, line):
         quality, fz_N, t_s = line.split()
         self.show((float(fz_N), float(t_s)) if int(quality) == GOOD else None)
@@ -211,4 +261,7 @@ class Cpp(C):
 
 
 FORCES = [Plc, Mqtt, HomeAssistant, Prometheus, Rules, Dds, Rdt, LinuxCnc, Web, Api, Python, C, Cpp]
-WEIGHTS = [PlcWeight, MqttWeight, HomeAssistantWeight, PrometheusWeight, DdsWeight, ApiWeight]  # a node that holds an object
+# A node that holds an object has these: the weight, the grasp, and the wrench on the gripper.
+WEIGHTS = [PlcWeight, MqttWeight, HomeAssistantWeight, PrometheusWeight, PrometheusStates, DdsWeight, ApiWeight]
+GRASPS = [MqttGrasp, HomeAssistantGrasp, PrometheusGrasp, DdsGrasp, ApiGrasp]
+TOOLS = [PlcTool, MqttTool, HomeAssistantTool, PrometheusTool, DdsTool, ApiTool]

@@ -13,7 +13,7 @@ VIEW = 600
 
 
 class Plc(Output):
-    name, needs, lasts_s = "PLC text", {"sensor", "daemon", "network"}, math.inf
+    name, needs, lasts_s, stands = "PLC text", {"sensor", "daemon", "network"}, math.inf, True
     block, text = "FB_TACTILED_SENSOR", None
 
     def open(self):
@@ -52,7 +52,10 @@ class Plc(Output):
         self.first.call(VIEW_REGS=self.registers, READ_DONE=reads != self.called)
         self.called = reads
         self.use(self.first.values)
-        self.show(self.value() if self.second.value("OK") else None)
+        self.show(self.value() if self.is_good() else None)
+
+    def is_good(self):
+        return self.second.value("OK")
 
     def use(self, pieces):
         self.second.call(SENSOR=pieces["SENSOR"][0])
@@ -68,4 +71,14 @@ class PlcWeight(Plc):
         self.second.call(**{name: pieces[name] for name in ("NODE", "GRASP", "DOUBTS")})
 
     def value(self):
-        return (self.second.value("WEIGHT_KG"), None)
+        return (self.second.value("WEIGHT_KG"), self.told(self.second.value("WEIGHT_KG")))
+
+
+class PlcTool(Plc):
+    name, needs, block = "PLC text, wrench on the gripper", Plc.needs - {"sensor"}, "FB_TACTILED_WRENCH"
+
+    def use(self, pieces):
+        self.second.call(WRENCH=pieces["WRENCH"])
+
+    def value(self):
+        return (self.second.value("FZ_N"), None)

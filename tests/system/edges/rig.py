@@ -1,5 +1,6 @@
 """A daemon, every bridge, a broker and a network that can be cut, each of which a cause can kill, stop and bring back."""
 import http.client
+import json
 import os
 import pathlib
 import shutil
@@ -9,14 +10,28 @@ import time
 
 from bridge_process import Process
 from daemon import BIN, ROOT, free_port, halt, wait_for
-from forged_node import ForgedNode, end_segment
+from forged_node import GOOD, NO_VALUE, UNCERTAIN, ForgedNode, end_segment
+from python_reader import LAYOUT
 from unit_daemon import CONFIG, play, quality_is, unit_daemon
+from edges.output import TURN_S
 from edges.relays import Network
 
 BROKER = shutil.which("mosquitto") or "/usr/sbin/mosquitto"
 NEEDED = [BIN / name for name in ("tactiled-mqtt", "tactiled-dds", "tactiled-rdt", "tactiled-web", "fastdds_reader")] + [pathlib.Path(BROKER)]
 HERE = pathlib.Path(__file__).parent
 STALE_MS = 500
+TOOL = """
+[tool]
+
+[[tool.sensor]]
+sensor = "left"
+x_S_in_G = [1, 0, 0]
+z_S_in_G = [0, 0, 1]
+position_G_mm = [0, 0, 0]
+"""
+TOOL_DOUBTED = LAYOUT.enums["tool_why"]["TOOL_DOUBTED"]
+# Retained by versions of the bridge before MQTT 5, without an end.
+OLD_RETAINED = {"left/quality": {"schema": 1, "quality": "good", "reasons": []}, "grasp": {"schema": 1, "quality": "good", "state": "holding", "slips": 0}}
 
 
 class Rig:
@@ -41,6 +56,8 @@ class Rig:
         self.daemon.start()
         wait_for(quality_is(self.daemon, "good"), "a good value")
         self.start_broker()
+        for topic, message in OLD_RETAINED.items():
+            subprocess.run(["mosquitto_pub", "-p", str(self.broker_port), "-r", "-t", f"tactiled/{self.node}/{topic}", "-m", json.dumps(message)], check=True)
         self.start_bridges()
 
     def compile(self):
@@ -109,10 +126,16 @@ class Rig:
 
     def forge(self):
         """The daemon goes on, and its Modbus service serves the forged segment: to all its readers its own one has ended."""
+        self.daemon.stop()
+        self.daemon.config.write_text(self.daemon.config.read_text() + TOOL)
+        self.daemon.start()
+        wait_for(quality_is(self.daemon, "good"), "a good value")
         self.clear()
         with open(self.daemon.segment, "r+b") as file:
             self.forged = ForgedNode(self.node, file.read())
             end_segment(file)
+        self.forged.show_tool(quality=NO_VALUE)
+        self.forged.clock = lambda now_ns: now_ns / 1e9 % TURN_S
 
     def doubt(self, bit):
         self.forged.show(bit)
@@ -124,12 +147,20 @@ class Rig:
         """From now on the node holds an object of a stable weight, and the sensor is good."""
         self.believe(None)
         self.forged.show_grasp(state=4, weight_state=2, weight_kg=0.2, weight_sd_kg=0.002, weight_doubts=0)
+        self.forged.show_tool(quality=GOOD, why=0, sd_force_N=(0.1, 0.1, 0.1))
 
     def doubt_weight(self, bit):
-        self.forged.show_grasp(weight_state=1, weight_doubts=bit)
+        """The state alone (bit 0), or the doubt alone: no doubt may hide behind the state."""
+        self.forged.show_grasp(weight_state=2 if bit else 1, weight_doubts=bit)
 
     def believe_weight(self, _):
         self.hold()
+
+    def doubt_tool(self, _):
+        self.forged.show_tool(quality=UNCERTAIN, why=TOOL_DOUBTED)
+
+    def believe_tool(self, _):
+        self.forged.show_tool(quality=GOOD, why=0)
 
     def stop_forging(self, _):
         self.is_silent = True

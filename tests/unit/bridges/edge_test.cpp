@@ -57,6 +57,14 @@ TEST(Edge, AGraspIsAsGoodAsItsSensors) {
     EXPECT_EQ(weight_quality(grasp, TACTILED_GOOD), unsigned(TACTILED_BAD));
 }
 
+TEST(Edge, NoValueIsAsBadAsABadOne) {
+    std::array<tactiled_sample, 2> samples{};
+    samples[0].quality = TACTILED_GOOD;
+    EXPECT_EQ(worst_quality(samples), unsigned(TACTILED_BAD));
+    EXPECT_EQ(worst_quality(std::span(samples).first(1)), unsigned(TACTILED_GOOD));
+    EXPECT_EQ(worst_quality(std::span(samples).first(0)), unsigned(TACTILED_BAD));
+}
+
 using EdgeTest = SegmentTest;
 
 TEST_F(EdgeTest, AValueIsValidUntilAReaderCallsItBad) {

@@ -22,10 +22,11 @@ tactiled_sample good(double fz_N) {
 }
 
 TEST(MqttMessage, AnUnknownValueIsNull) {
-    const auto message = nlohmann::json::parse(wrench_text({good(-3), 4, 1}, monotonic_ns() + 100'000'000));
+    const auto message = nlohmann::json::parse(wrench_text({good(-3), 4, 1}, monotonic_ns() + 100'000'000, true));
     EXPECT_EQ(message["force_N"], nlohmann::json::array({0.0, 0.0, -3.0}));
     EXPECT_EQ(message["torque_Nm"], nlohmann::json::array({nullptr, nullptr, nullptr}));
     EXPECT_EQ(message["quality"], "good");
+    EXPECT_EQ(message["simulated"], true);
     EXPECT_EQ(message["samples"], 4);
     EXPECT_EQ(message["bad"], 1);
     EXPECT_NEAR(message["t_s"], double(::time(nullptr)), 1.1);
@@ -35,18 +36,30 @@ TEST(MqttMessage, AnUnknownValueIsNull) {
 TEST(MqttMessage, ABadSampleHasNoNumbers) {
     tactiled_sample s = good(-3);
     tactiled_invalidate(&s, TACTILED_STALE);
-    const auto message = nlohmann::json::parse(wrench_text({s, 1, 1}, s.t_ns));
+    const auto message = nlohmann::json::parse(wrench_text({s, 1, 1}, s.t_ns, false));
     EXPECT_EQ(message["force_N"], nlohmann::json::array({nullptr, nullptr, nullptr}));
     EXPECT_EQ(message["reasons"], nlohmann::json::array({"stale"}));
+}
+
+TEST(MqttMessage, TheLaterOneOfTwoSendersGivesWay) {
+    const Sender first{"b", 1.0}, later{"a", 2.0}, same_time{"c", 1.0};
+    EXPECT_TRUE(gives_way(later, first));
+    EXPECT_FALSE(gives_way(first, later));
+    EXPECT_NE(gives_way(first, same_time), gives_way(same_time, first));
+    EXPECT_FALSE(gives_way(first, first));
+    EXPECT_FALSE(gives_way(first, sender_of(last_will_text())));
+    EXPECT_TRUE(gives_way(later, sender_of(R"({"online":true,"bridge":"b","since_s":1})")));
+    for (const char* rubbish : {"", "[]", "{", R"({"online":true})", R"({"online":true,"bridge":1,"since_s":"x"})"})
+        EXPECT_FALSE(gives_way(later, sender_of(rubbish))) << rubbish;
 }
 
 TEST(MqttMessage, AGraspThatIsNotKnownHasNoWeight) {
     tactiled_grasp grasp{};
     tactiled_forget_grasp(&grasp);
-    const auto message = nlohmann::json::parse(grasp_text(grasp, TACTILED_GOOD));
+    const auto message = nlohmann::json::parse(grasp_text(grasp, TACTILED_GOOD, false));
     EXPECT_EQ(message["state"], "unknown");
     EXPECT_EQ(message["quality"], "bad");
-    const auto weight = nlohmann::json::parse(weight_text(grasp, TACTILED_GOOD, {}));
+    const auto weight = nlohmann::json::parse(weight_text(grasp, TACTILED_GOOD, {}, false));
     EXPECT_TRUE(weight["weight_kg"].is_null());
     EXPECT_EQ(weight["quality"], "bad");
 }
@@ -58,12 +71,13 @@ TEST(MqttMessage, AWeightNamesItsDoubtsAndJaws) {
     grasp.weight_kg = 0.2;
     grasp.weight_doubts = TACTILED_DOUBT_BALANCE | TACTILED_DOUBT_LATE;
     grasp.doubtful = 2;
-    const auto weight = nlohmann::json::parse(weight_text(grasp, TACTILED_GOOD, {"left", "right"}));
+    const auto weight = nlohmann::json::parse(weight_text(grasp, TACTILED_GOOD, {"left", "right"}, false));
     EXPECT_EQ(weight["quality"], "uncertain");
     EXPECT_EQ(weight["doubts"], nlohmann::json::array({"balance", "late"}));
     EXPECT_EQ(weight["doubtful"], nlohmann::json::array({"right"}));
     EXPECT_NEAR(double(weight["valid_until_s"]) - double(weight["t_s"]), 2, 0.001);
-    EXPECT_EQ(without_times(weight_text(grasp, TACTILED_GOOD, {})), without_times(weight_text(grasp, TACTILED_GOOD, {})));
+    EXPECT_EQ(without_times(weight_text(grasp, TACTILED_GOOD, {}, false)),
+              without_times(weight_text(grasp, TACTILED_GOOD, {}, false)));
 }
 
 TEST(MqttMessage, AWrenchOnTheGripperHasItsReasons) {
@@ -72,7 +86,7 @@ TEST(MqttMessage, AWrenchOnTheGripperHasItsReasons) {
     tool.quality = TACTILED_GOOD;
     tool.why = TACTILED_TOOL_GRAVITY | TACTILED_TOOL_APART;
     tactiled_forget_tool(&tool);
-    const auto message = nlohmann::json::parse(tool_text(tool, tool.t_ns));
+    const auto message = nlohmann::json::parse(tool_text(tool, tool.t_ns, false));
     EXPECT_EQ(message["quality"], "bad");
     EXPECT_EQ(message["reasons"], nlohmann::json::array({"gravity", "apart"}));
     EXPECT_EQ(message["force_N"], nlohmann::json::array({nullptr, nullptr, nullptr}));
