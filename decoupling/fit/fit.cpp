@@ -245,6 +245,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     for (std::size_t i = 1; i < all_fitted.size(); ++i) calibration.others.push_back(all_fitted[i]->calibration);
     const Validation& validation = all_fitted.front()->validation;
     report.held_out = validation.rows;
+    report.ways = validation.tried;
     report.crosstalk = crosstalk(report.held_out, calibration);
     const Wrench fitted = rms_error(calibration, rows);
     // The channels of a sensor that does not measure a lasting load (piezo) depend on the past, so that any
