@@ -182,8 +182,10 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         const auto begun = now();
         judge->start = start_of(*judge->method, request, report);
         const std::size_t n_judged = rows.size();
+        // The first fit searches widths and ridges; judging labels needs no better ones.
+        Calibration found = judge->start;
         const Refit refit = [&](const Rows& some) {
-            return fit_rows(*judge->method, judge->start, some, drift.sd, judge->warnings);
+            return found = fit_rows(*judge->method, found, some, drift.sd, judge->warnings);
         };
         const Refit refit_some = [&](const Rows& some) {
             return methods.size() > 1 && some.size() == n_judged ? judge->calibration : refit(some);
@@ -199,7 +201,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
             // A rejected label sets no full scale and does not show that an axis was loaded.
             set_size();
             calibration.rows = int(n_judged) - int(out);
-            if (methods.size() > 1) fit_all();
+            fit_all();
         }
     }
     for (Trial& trial : trials) {
