@@ -276,12 +276,13 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         component.fitted_rms = fitted[c];
         component.held_out_rms = validation.rms[c];
         if (component.held_out_rms < kTooGood * component.full_scale)
-            report.warnings.push_back(
-                fmt::format("{}: no sensor is as good as that: is a channel a copy of the label? "
-                            "Choose with --channels",
-                            component.name));
+            report.warnings.insert(report.warnings.begin(),
+                                   fmt::format("{}: no sensor is as good as that: is a channel a copy of the label? "
+                                               "Choose with --channels",
+                                               component.name));
         if (component.held_out_rms >= component.spread)
-            report.warnings.push_back(
+            report.warnings.insert(
+                report.warnings.begin(),
                 fmt::format("{}: held-out error {:.3g} is no smaller than the spread {:.3g} of its labels: these channels "
                             "do not determine {}, or a part that was left out alone loads this axis{}",
                             component.name, component.held_out_rms, component.spread, component.name,

@@ -15,7 +15,7 @@ namespace {
 
 constexpr Eigen::Index kMaxCentres = 1000;
 constexpr Eigen::Index kRowsPerCentre = 20, kRowsForCentre = 5;  // in the fit, and to place a centre
-constexpr double kSpreads[] = {1, 2, 4, 8};  // in standard deviations of a channel
+constexpr double kSpreads[] = {1, 2, 4, 8};                      // in standard deviations of a channel
 constexpr double kRidges[] = {1e-9, 1e-7, 1e-5, 1e-3, 1e-1};
 constexpr Eigen::Index kMaxRows = 24'000;  // features of so many rows take 220 MB; more rows hardly change the fit
 

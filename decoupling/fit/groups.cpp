@@ -81,6 +81,7 @@ Groups groups_in_time(const Labelled& labelled, const Rows& rows) {
         .of_row = std::vector<std::size_t>(rows.size()),
         .names = {"", "the last third of the time"},
         .validation = by_sessions ? "leave the last third of the sessions out" : "leave the last third of the time out",
+        .are_sessions = by_sessions,
         .are_in_time = true};
     for (std::size_t i = 0; i < rows.size(); ++i) {
         const std::size_t third =
@@ -146,7 +147,8 @@ std::vector<Groups> ways_to_hold_out(const Labelled& labelled, const Rows& rows,
             if (Groups poses = groups_of_poses(rows); !poses.names.empty()) ways.push_back(std::move(poses));
         ways.push_back(groups_of_stretches(rows));
     }
-    ways.push_back(groups_in_time(labelled, rows));
+    // Two sessions left out in turn are that already.
+    if (labelled.sessions.size() != 2) ways.push_back(groups_in_time(labelled, rows));
     if (remembers) return ways;
     if (Groups loads = groups_of_loads(rows); !loads.names.empty()) ways.push_back(std::move(loads));
     return ways;

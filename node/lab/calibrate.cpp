@@ -70,6 +70,14 @@ double claim_after(const FitReport& report, std::size_t i, double hours) {
     return std::hypot(component_errors(report, i).median_sd(), report.calibration.zero_growth_per_h()[i] * hours);
 }
 
+// The one that matters is lost among hundreds.
+void print_warnings(const std::vector<std::string>& warnings) {
+    constexpr std::size_t kLines = 10;
+    const std::size_t shown = warnings.size() > kLines ? kLines - 1 : warnings.size();
+    for (std::size_t i = 0; i < shown; ++i) fmt::print(stderr, "warning: {}\n", warnings[i]);
+    if (shown < warnings.size()) fmt::print(stderr, "warning: and {} more: --json has all\n", warnings.size() - shown);
+}
+
 void print_claims(const FitReport& report) {
     if (report.calibration.sd.empty()) return;
     fmt::print("median sd after the zero was known:\n{:>9}", "component");
@@ -142,7 +150,7 @@ void print_report(const FitReport& report, const Settings& settings) {
             checked.empty() ? "" : fmt::format("; {:.2g} % of held-out rows alarm", 100 * calibration.parity.false_alarms));
     if (const Temperature& t = calibration.temperature; !t.zero_per_K.empty())
         fmt::print("temperature: {:.1f} to {:.1f} degC\n", t.range_C[0], t.range_C[1]);
-    for (const auto& warning : report.warnings) fmt::print(stderr, "warning: {}\n", warning);
+    print_warnings(report.warnings);
     fmt::print("To use it, paste into the configuration:\n\n{}", sensor_text(report, settings));
 }
 
