@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
-"""What a calibration claims, and what it does in the time after it, on made recordings whose sensors drift, warm up and hysterese.
+"""Claims of calibrations, and their errors in the time after them, on made recordings of sensors that drift.
 
-    next_hour.py FOLDER [--methods matrix,quadratic] [--only 007,010] BIN [OTHER_BIN]
+    next_hour.py [--methods matrix,quadratic,rbf] [--seed 77] [--count 100] BIN [OTHER_BIN]
+    next_hour.py --folder FOLDER [--only 007,010] [--each] BIN [OTHER_BIN]
 
-FOLDER has pairs NNN_fit.csv (calibrated) and NNN_later.csv (the time after it, with the true loads). A claim is the held-out error
-and the sd of the file; the sd that grows is hypot(sd, zero_rate_per_h x hours since the calibration), as in the daemon. Two
-builds are judged on the same files.
+made_recordings.py makes pairs NNN_fit.csv, which is calibrated, and NNN_later.csv, the time after it with the true loads. A claim is
+the held-out error; the sd is that of each row, and the sd that grows is hypot(sd, zero_rate_per_h x hours since the
+calibration), as the daemon states it. Several builds are judged on the same files.
 """
 import argparse
-import concurrent.futures
 import csv
 import json
 import math
@@ -16,6 +16,7 @@ import pathlib
 import re
 import statistics
 import subprocess
+import sys
 import tempfile
 
 COMPONENTS = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
@@ -31,9 +32,8 @@ def rates_of(calibration):
     return [float(each) for each in found[1].split(",")] if found else None
 
 
-def one(job):
+def one(program, fit, later, method):
     """For each component: claimed, true rms (fractions of full scale), rows: within 1 sd, with growth, GOOD, GOOD beyond 5 sd, with growth."""
-    program, fit, later, method = job
     with tempfile.TemporaryDirectory() as folder:
         calibration, forces = pathlib.Path(folder) / "calibration.toml", pathlib.Path(folder) / "forces.csv"
         tactilectl = [pathlib.Path(program) / "tactilectl"]
@@ -68,18 +68,28 @@ def one(job):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("bins", nargs="+")
+    parser.add_argument("--folder", type=pathlib.Path)
+    parser.add_argument("--seed", type=int, default=77)
+    parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--methods", default="matrix")
     parser.add_argument("--only", default="")
     parser.add_argument("--each", action="store_true", help="also a line for each recording")
     given = parser.parse_args()
-    fits = [f for f in sorted(given.folder.glob("*_fit.csv")) if not given.only or f.name.split("_")[0] in given.only.split(",")]
+    if given.folder:
+        return judge(given, given.folder)
+    with tempfile.TemporaryDirectory() as folder:
+        maker = pathlib.Path(__file__).with_name("made_recordings.py")
+        subprocess.run([sys.executable, maker, folder, "--seed", str(given.seed), "--count", str(given.count)], check=True,
+                       stdout=subprocess.DEVNULL)
+        judge(given, pathlib.Path(folder))
+
+
+def judge(given, folder):
+    fits = [f for f in sorted(folder.glob("*_fit.csv")) if not given.only or f.name.split("_")[0] in given.only.split(",")]
     for method in given.methods.split(","):
         for program in given.bins:
-            with concurrent.futures.ThreadPoolExecutor(1) as pool:
-                jobs = [(program, f, f.with_name(f.name.replace("_fit", "_later")), method) for f in fits]
-                done = list(pool.map(one, jobs))
+            done = [one(program, f, f.with_name(f.name.replace("_fit", "_later")), method) for f in fits]
             every = [values for _, _, _, result, _ in done for values in result.values()]
             for name, _, warnings, result, how in done:
                 if given.each:
