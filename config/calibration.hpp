@@ -127,6 +127,10 @@ struct Calibration : Fit {
     // Per component, N or Nm: standard deviation of the zero an hour after it was known, and of the zero of another mounting
     // or power-up. Empty: not seen in the rows.
     std::vector<double> zero_rate_per_h, zero_shift;
+    // Returns the growth that the daemon uses: the sd of a force where no drift was seen, because none is not proved.
+    [[nodiscard]] const std::vector<double>& zero_growth_per_h() const noexcept {
+        return zero_rate_per_h.empty() ? sd : zero_rate_per_h;
+    }
     int rows = 0;  // labelled rows used
     // CRC-16/CCITT-FALSE over the file up to its line `crc = `, and over those of `taxels`
     std::uint16_t crc = 0;

@@ -354,7 +354,7 @@ ZeroError::Rates zero_rates(const Calibration& calibration) {
     constexpr double kCounts = 0.1, kMain = 3, kHour_s = 3600;  // parts of full scale and of the standard deviation
     ZeroError::Rates rates;
     if (!calibration.zero_shift.empty()) rates.shift = {};
-    const std::vector<double>& per_h = calibration.zero_rate_per_h.empty() ? calibration.sd : calibration.zero_rate_per_h;
+    const std::vector<double>& per_h = calibration.zero_growth_per_h();
     for (std::size_t i = 0; i < calibration.components.size(); ++i) {
         const std::size_t c = component_index(calibration.components[i]);
         if (i < per_h.size()) rates.per_s[c] = per_h[i] / kHour_s;

@@ -182,8 +182,10 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         const auto begun = now();
         judge->start = start_of(*judge->method, request, report);
         const std::size_t n_judged = rows.size();
+        // The first fit searches widths and ridges; judging labels needs no better ones.
+        Calibration found = judge->start;
         const Refit refit = [&](const Rows& some) {
-            return fit_rows(*judge->method, judge->start, some, drift.sd, judge->warnings);
+            return found = fit_rows(*judge->method, found, some, drift.sd, judge->warnings);
         };
         const Refit refit_some = [&](const Rows& some) {
             return methods.size() > 1 && some.size() == n_judged ? judge->calibration : refit(some);
@@ -199,7 +201,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
             // A rejected label sets no full scale and does not show that an axis was loaded.
             set_size();
             calibration.rows = int(n_judged) - int(out);
-            if (methods.size() > 1) fit_all();
+            fit_all();
         }
     }
     for (Trial& trial : trials) {
@@ -245,6 +247,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     for (std::size_t i = 1; i < all_fitted.size(); ++i) calibration.others.push_back(all_fitted[i]->calibration);
     const Validation& validation = all_fitted.front()->validation;
     report.held_out = validation.rows;
+    report.ways = validation.tried;
     report.crosstalk = crosstalk(report.held_out, calibration);
     const Wrench fitted = rms_error(calibration, rows);
     // The channels of a sensor that does not measure a lasting load (piezo) depend on the past, so that any
@@ -273,12 +276,13 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
         component.fitted_rms = fitted[c];
         component.held_out_rms = validation.rms[c];
         if (component.held_out_rms < kTooGood * component.full_scale)
-            report.warnings.push_back(
-                fmt::format("{}: no sensor is as good as that: is a channel a copy of the label? "
-                            "Choose with --channels",
-                            component.name));
+            report.warnings.insert(report.warnings.begin(),
+                                   fmt::format("{}: no sensor is as good as that: is a channel a copy of the label? "
+                                               "Choose with --channels",
+                                               component.name));
         if (component.held_out_rms >= component.spread)
-            report.warnings.push_back(
+            report.warnings.insert(
+                report.warnings.begin(),
                 fmt::format("{}: held-out error {:.3g} is no smaller than the spread {:.3g} of its labels: these channels "
                             "do not determine {}, or a part that was left out alone loads this axis{}",
                             component.name, component.held_out_rms, component.spread, component.name,

@@ -88,6 +88,9 @@ struct FitReport {
     std::vector<HeldOut> held_out;      // from the calibration's own method
     std::vector<Suspect> suspects;      // in the order of the file
     SessionZeros zeros;
+    // The ways to hold rows out that were tried, with their error relative to full scale, as a mean over the components;
+    // `held_out` and the standard deviations are those of the largest.
+    std::vector<std::pair<std::string, double>> ways;
     // Slope of the estimated component [i] over the applied one [j] on held-out rows, both relative to full scale, by
     // least squares over all applied components: perfect would be 1 on the diagonal and 0 elsewhere. NaN where
     // unknown.

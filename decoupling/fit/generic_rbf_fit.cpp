@@ -14,14 +14,16 @@ namespace tactiled {
 namespace {
 
 constexpr Eigen::Index kMaxCentres = 1000;
-constexpr Eigen::Index kRowsPerCentre = 20;
-constexpr double kSpreads[] = {1, 2, 4, 8};  // in standard deviations of a channel
+constexpr Eigen::Index kRowsPerCentre = 20, kRowsForCentre = 5;  // in the fit, and to place a centre
+constexpr double kSpreads[] = {1, 2, 4, 8};                      // in standard deviations of a channel
 constexpr double kRidges[] = {1e-9, 1e-7, 1e-5, 1e-3, 1e-1};
 constexpr Eigen::Index kMaxRows = 24'000;  // features of so many rows take 220 MB; more rows hardly change the fit
 
-// k-means++ and Lloyd's iterations, always with the same random numbers. A centre that loses all its rows keeps its
-// place.
-Eigen::MatrixXd k_means(const Eigen::MatrixXd& u, Eigen::Index n) {
+// k-means++ and Lloyd's iterations over a few rows per centre, always with the same random numbers. A centre that loses all
+// its rows keeps its place.
+Eigen::MatrixXd k_means(const Eigen::MatrixXd& all, Eigen::Index n) {
+    const Eigen::Index every = std::max(Eigen::Index(1), all.rows() / (n * kRowsForCentre));
+    const Eigen::MatrixXd u = all(Eigen::seq(0, Eigen::last, every), Eigen::all);
     std::mt19937_64 random(1);
     Eigen::MatrixXd centres(n, u.cols());
     Eigen::VectorXd d2 = Eigen::VectorXd::Constant(u.rows(), std::numeric_limits<double>::infinity());

@@ -67,6 +67,30 @@ Groups groups_of_stretches(const Rows& rows) {
     return groups;
 }
 
+// The last third of the time, or of three sessions and more. No row in use comes before the calibration, and what drifts is
+// farther off then than between the rows.
+Groups groups_in_time(const Labelled& labelled, const Rows& rows) {
+    constexpr std::size_t kThirds = 3;
+    std::vector<std::size_t> by_time(rows.size());
+    std::iota(by_time.begin(), by_time.end(), std::size_t{0});
+    std::stable_sort(by_time.begin(), by_time.end(), [&](std::size_t a, std::size_t b) {
+        return std::pair(rows[a]->session, rows[a]->t_ns) < std::pair(rows[b]->session, rows[b]->t_ns);
+    });
+    const bool by_sessions = labelled.sessions.size() >= kThirds;
+    Groups groups{
+        .of_row = std::vector<std::size_t>(rows.size()),
+        .names = {"", "the last third of the time"},
+        .validation = by_sessions ? "leave the last third of the sessions out" : "leave the last third of the time out",
+        .are_sessions = by_sessions,
+        .are_in_time = true};
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+        const std::size_t third =
+            by_sessions ? rows[by_time[i]]->session * kThirds / labelled.sessions.size() : i * kThirds / rows.size();
+        groups.of_row[by_time[i]] = third + 1 == kThirds ? 1 : 0;
+    }
+    return groups;
+}
+
 // Returns one load each; if there are many loads, groups of loads that are far apart in the recording.
 Groups groups_of_loads(const Rows& rows) {
     Groups groups;
@@ -107,7 +131,7 @@ std::string not_spanned_without(const Rows& rows, const Groups& groups, std::siz
     const Wrench full_scale = full_scales(rows);
     Wrench rest{};
     for (std::size_t i = 0; i < rows.size(); ++i)
-        for (std::size_t c = 0; groups.of_row[i] != group && c < rest.size(); ++c)
+        for (std::size_t c = 0; groups.fits(i, group) && c < rest.size(); ++c)
             if (std::abs(rows[i]->wrench_S[c]) > rest[c]) rest[c] = std::abs(rows[i]->wrench_S[c]);
     for (std::size_t c = 0; c < rest.size(); ++c)
         if (rest[c] < (groups.are_sessions ? kSpannedBySessions : kSpanned) * full_scale[c]) return kComponentNames[c];
@@ -118,13 +142,14 @@ std::vector<Groups> ways_to_hold_out(const Labelled& labelled, const Rows& rows,
     std::vector<Groups> ways;
     if (Groups sessions = groups_of_sessions(labelled, rows); !sessions.names.empty()) {
         ways.push_back(std::move(sessions));
-        if (remembers) return ways;
     } else {
         if (!remembers)
             if (Groups poses = groups_of_poses(rows); !poses.names.empty()) ways.push_back(std::move(poses));
         ways.push_back(groups_of_stretches(rows));
-        if (remembers) return ways;
     }
+    // Two sessions left out in turn are that already.
+    if (labelled.sessions.size() != 2) ways.push_back(groups_in_time(labelled, rows));
+    if (remembers) return ways;
     if (Groups loads = groups_of_loads(rows); !loads.names.empty()) ways.push_back(std::move(loads));
     return ways;
 }

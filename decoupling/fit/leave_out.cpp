@@ -80,9 +80,8 @@ void leave_out(Labelled& labelled, Rows& rows, const FitEntry& method, const Zer
     }
     if (kept.size() == suspects.size()) return;
     // Suspected rows that are kept would hide the effect of the others.
-    std::vector<std::string> ignored;
-    const Validation with = hold_out(labelled, rows, method, judged.calibration, drift, ignored, kept);
-    const Validation without = hold_out(labelled, rows, method, judged.calibration, drift, ignored, suspects);
+    const Validation with = hold_out({labelled, rows, method, judged.calibration, drift, &kept});
+    const Validation without = hold_out({labelled, rows, method, judged.calibration, drift, &suspects});
     std::array<bool, 6> lower{};
     lower.fill(true);
     std::map<const LabelledRow*, std::array<bool, 6>> far;

@@ -19,6 +19,7 @@ namespace {
 constexpr double kMaxShareLeftOut = 0.05;  // share of the loads; the limit is this or kMaxLeftOut loads
 constexpr std::size_t kMaxLeftOut = 3;
 constexpr std::size_t kSmallRecording = 2000;  // number of loads
+constexpr std::size_t kNamed = 5;              // rows that a report of ten lines has room for
 constexpr int kRounds = 6, kRoundsOfMany = 3;
 // A label with a smaller error is not a relevant mistake. The step is the smallest distance of two different labels: if
 // they are rounded, each may be off by half of it.
@@ -149,12 +150,12 @@ double median_error(const Calibration& calibration, const Rows& rows) {
 
 void report_suspects(const Labelled& labelled, const LabelsJudged& judged, FitReport& report) {
     report.suspects = judged.suspects;
-    const auto worst_first = [](const Suspect& a, const Suspect& b) {
+    const auto is_smaller = [](const Suspect& a, const Suspect& b) {
         return std::abs(a.label - a.expected) < std::abs(b.label - b.expected);
     };
     const auto out = std::count_if(judged.suspects.begin(), judged.suspects.end(), [](const auto& s) { return s.left_out; });
     if (!judged.suspects.empty()) {
-        const Suspect& worst = *std::max_element(judged.suspects.begin(), judged.suspects.end(), worst_first);
+        const Suspect& worst = *std::max_element(judged.suspects.begin(), judged.suspects.end(), is_smaller);
         report.warnings.push_back(fmt::format(
             "{} of {} rows disagree with the rest in {} (worst {}:{}, by {:.3g} {}): {} left out, {} kept; are their labels "
             "right?",
@@ -162,11 +163,17 @@ void report_suspects(const Labelled& labelled, const LabelsJudged& judged, FitRe
             std::abs(worst.label - worst.expected), unit_of(worst.component), out,
             judged.suspects.size() - std::size_t(out)));
     }
-    for (const Suspect& suspect : judged.suspects)
+    std::vector<Suspect> worst = judged.suspects;
+    std::stable_sort(worst.begin(), worst.end(), [&](const Suspect& a, const Suspect& b) { return is_smaller(b, a); });
+    worst.resize(std::min(worst.size(), kNamed));
+    for (const Suspect& suspect : worst)
         report.warnings.push_back(
             fmt::format("  {}: {}:{}: {} is {:.4g}, its channels say {:.4g} {}{}", suspect.left_out ? "left out" : "kept",
                         labelled.name, suspect.row->line, label_column(suspect.component), suspect.label, suspect.expected,
                         unit_of(suspect.component), suspect.left_out || judged.too_many ? "" : ": apply this load again"));
+    if (worst.size() < judged.suspects.size())
+        report.warnings.push_back(
+            fmt::format("  and {} more: --json has all of them", judged.suspects.size() - worst.size()));
     if (judged.too_many)
         report.warnings.push_back(fmt::format(
             "more rows disagree than mistyped labels would explain, so none is left out: is a session mounted otherwise, "

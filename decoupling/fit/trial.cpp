@@ -13,12 +13,6 @@ namespace {
 
 constexpr double kIllConditioned = 1000;  // 0.1 % of noise in a channel becomes 100 % of a coefficient
 
-double mean_part(const Wrench& error, const FitReport& report) {
-    double sum = 0;
-    for (const auto& component : report.components) sum += error[component_index(component.name)] / component.full_scale;
-    return sum / double(report.components.size());
-}
-
 void widen_sd(Calibration& calibration, std::size_t i, double times) {
     for (auto* sd : {&calibration.sd, &calibration.sd_slope, &calibration.sd_load, &calibration.sd_unloading})
         if (!sd->empty()) (*sd)[i] *= times;
@@ -72,7 +66,7 @@ void validate_once(const Labelled& labelled, const Rows& rows, const ZeroDrift& 
     // again.
     Calibration start = method.remembers ? trial.start : calibration;
     if (method.remembers) set_domain(rows, start);
-    trial.validation = hold_out(labelled, rows, method, start, drift, trial.warnings);
+    trial.validation = hold_out_worst({labelled, rows, method, start, drift}, trial.warnings);
     calibration.validation = trial.validation.how;
     trial.validation.at_rest = errors_at_rest(calibration, rows);
     set_uncertainty(trial.validation, calibration, !method.remembers);
@@ -178,7 +172,8 @@ void validate(const Labelled& labelled, const Rows& rows, const ZeroDrift& drift
     }
     if (!worse.empty())
         trial.warnings.push_back(fmt::format("its held-out error is above that of method {} in {}", method.adds_to, worse));
-    const double error = mean_part(trial.validation.rms, report), before = mean_part(trial.validation.rms_of_part, report);
+    const double error = mean_share(trial.validation.rms, calibration),
+                 before = mean_share(trial.validation.rms_of_part, calibration);
     if (error < before || !std::isfinite(error) || !std::isfinite(before)) return;
     const std::string text = fmt::format(
         "its held-out error, {:.3g} % of full scale in the mean, is not lower than the {:.3g} % of method {} alone: use "

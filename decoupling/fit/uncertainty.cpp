@@ -148,9 +148,8 @@ double student(double freedom) {
 
 // Returns the number of loads minus the number of coefficients, at least 2.
 double freedom_of(const Validation& validation, std::size_t c, const Calibration& calibration) {
-    Rows rows;
-    for (const auto& held_out : validation.rows)
-        if (std::isfinite(held_out.row->wrench_S[c])) rows.push_back(held_out.row);
+    Rows rows = validation.all;
+    std::erase_if(rows, [c](const LabelledRow* row) { return !std::isfinite(row->wrench_S[c]); });
     std::sort(rows.begin(), rows.end(), [](const LabelledRow* a, const LabelledRow* b) { return a->line < b->line; });
     return std::max(2.0, double(loads_of(rows).back() + 1) - double(calibration.channels.size() + 1));
 }

@@ -111,17 +111,16 @@ struct Part {
     std::string refused;
 };
 
-Part hold_out_group(const Labelled& labelled, const Rows& rows, const Groups& groups, std::size_t group,
-                    const FitEntry& method, const Calibration& whole, const ZeroDrift& drift,
-                    const std::set<const LabelledRow*>& unused) {
+Part hold_out_group(const FitToValidate& of, const Groups& groups, std::size_t group) {
+    const auto& [labelled, rows, method, whole, drift, unused] = of;
     Part part;
     Rows seen, unseen;
     for (std::size_t i = 0; i < rows.size(); ++i)
         if (groups.of_row[i] == group)
             unseen.push_back(rows[i]);
-        else if (unused.count(rows[i]) == 0)
+        else if (groups.fits(i, group) && (unused == nullptr || unused->count(rows[i]) == 0))
             seen.push_back(rows[i]);
-    if (unseen.empty()) return part;
+    if (unseen.empty() || (groups.are_in_time && group == 0)) return part;
     if (!groups.are_loads)
         if (const std::string component = not_spanned_without(rows, groups, group); !component.empty()) {
             part.refused = fmt::format("its rows alone load {}", component);
@@ -147,9 +146,7 @@ Part hold_out_group(const Labelled& labelled, const Rows& rows, const Groups& gr
 }
 
 // Holds out all groups, on all processors.
-std::vector<Part> hold_out_groups(const Labelled& labelled, const Rows& rows, const Groups& groups, const FitEntry& method,
-                                  const Calibration& whole, const ZeroDrift& drift,
-                                  const std::set<const LabelledRow*>& unused) {
+std::vector<Part> hold_out_groups(const FitToValidate& of, const Groups& groups) {
     std::vector<Part> parts(groups.names.size());
     std::atomic<std::size_t> next{0};
     std::exception_ptr failed;
@@ -157,7 +154,7 @@ std::vector<Part> hold_out_groups(const Labelled& labelled, const Rows& rows, co
     const auto work = [&] {
         for (std::size_t group; (group = next++) < parts.size();) {
             try {
-                parts[group] = hold_out_group(labelled, rows, groups, group, method, whole, drift, unused);
+                parts[group] = hold_out_group(of, groups, group);
             } catch (...) {
                 const std::lock_guard lock(one);
                 failed = std::current_exception();
@@ -175,7 +172,41 @@ std::vector<Part> hold_out_groups(const Labelled& labelled, const Rows& rows, co
     return parts;
 }
 
+// Returns an empty validation where a part is not determined, and says in `in_vain` which.
+Validation hold_out_in(const FitToValidate& of, const Groups& groups, std::string& in_vain) {
+    const std::vector<Part> parts = hold_out_groups(of, groups);
+    const auto refused = std::find_if(parts.begin(), parts.end(), [](const Part& part) { return !part.refused.empty(); });
+    if (refused != parts.end()) {
+        in_vain = fmt::format("without {} the rest does not determine the model ({})",
+                              groups.names[std::size_t(refused - parts.begin())], refused->refused);
+        return {};
+    }
+    Validation validation;
+    std::vector<HeldOut> of_part;
+    for (std::size_t group = 0; group < parts.size(); ++group) {
+        const Part& part = parts[group];
+        validation.rows.insert(validation.rows.end(), part.rows.begin(), part.rows.end());
+        validation.group.resize(validation.rows.size(), group);
+        validation.has_sd.insert(validation.has_sd.end(), part.has_sd.begin(), part.has_sd.end());
+        validation.drifted.insert(validation.drifted.end(), part.drifted.begin(), part.drifted.end());
+        of_part.insert(of_part.end(), part.of_part.begin(), part.of_part.end());
+    }
+    validation.how = groups.validation;
+    validation.all = of.rows;
+    validation.by_sessions = groups.are_sessions;
+    validation.rms = rms_of(validation.rows);
+    validation.rms_of_part = rms_of(of_part);
+    return validation;
+}
+
 }  // namespace
+
+double mean_share(const Wrench& error, const Calibration& calibration) {
+    double sum = 0;
+    for (std::size_t i = 0; i < calibration.components.size(); ++i)
+        sum += error[component_index(calibration.components[i])] / calibration.full_scale[i];
+    return sum / double(calibration.components.size());
+}
 
 Wrench error_of(Decoupler& decoupler, const LabelledRow& row) {
     const Estimate estimate = decoupler.decouple({.channel = row.channel, .t_ns = row.t_ns});
@@ -223,47 +254,43 @@ void fit_with_drift(const FitEntry& method, const Rows& rows, const std::vector<
     method.fit(pointers_to(repeated), calibration, warnings);
 }
 
-Validation hold_out(const Labelled& labelled, const Rows& rows, const FitEntry& method, const Calibration& whole,
-                    const ZeroDrift& drift, std::vector<std::string>& warnings, const std::set<const LabelledRow*>& unused) {
+Validation hold_out(const FitToValidate& of) {
     std::string in_vain;
-    for (const Groups& groups : ways_to_hold_out(labelled, rows, method.remembers)) {
-        const std::vector<Part> parts = hold_out_groups(labelled, rows, groups, method, whole, drift, unused);
-        const auto refused =
-            std::find_if(parts.begin(), parts.end(), [](const Part& part) { return !part.refused.empty(); });
-        if (refused != parts.end()) {
-            in_vain = fmt::format("without {} the rest does not determine the model ({})",
-                                  groups.names[std::size_t(refused - parts.begin())], refused->refused);
-            continue;
-        }
-        Validation validation;
-        std::vector<HeldOut> of_part;
-        for (std::size_t group = 0; group < parts.size(); ++group) {
-            const Part& part = parts[group];
-            validation.rows.insert(validation.rows.end(), part.rows.begin(), part.rows.end());
-            validation.group.resize(validation.rows.size(), group);
-            validation.has_sd.insert(validation.has_sd.end(), part.has_sd.begin(), part.has_sd.end());
-            validation.drifted.insert(validation.drifted.end(), part.drifted.begin(), part.drifted.end());
-            of_part.insert(of_part.end(), part.of_part.begin(), part.of_part.end());
-        }
-        validation.how = groups.validation;
-        validation.by_sessions = groups.are_sessions;
-        validation.rms = rms_of(validation.rows);
-        validation.rms_of_part = rms_of(of_part);
+    for (const Groups& groups : ways_to_hold_out(of.labelled, of.rows, of.method.remembers))
+        if (Validation found = hold_out_in(of, groups, in_vain); !found.how.empty()) return found;
+    return {};
+}
+
+Validation hold_out_worst(const FitToValidate& of, std::vector<std::string>& warnings) {
+    std::string in_vain;
+    Validation worst;
+    std::vector<std::pair<std::string, double>> tried;
+    double largest = 0;
+    for (const Groups& groups : ways_to_hold_out(of.labelled, of.rows, of.method.remembers)) {
+        if (groups.are_loads && !worst.how.empty()) break;
+        Validation found = hold_out_in(of, groups, in_vain);
+        if (found.how.empty()) continue;
+        const double error = mean_share(found.rms, of.whole);
+        tried.emplace_back(found.how, error);
         if (groups.are_loads)
             warnings.push_back(
                 fmt::format("validated by loads: {}, so one load at a time was left out. Loads that were "
                             "applied one after the other share their zero; record every load once more, later",
                             in_vain));
-        if (!groups.are_sessions)
-            warnings.emplace_back(
-                "one session only: the error after mounting the sensor again, or on another day, is not known");
-        return validation;
+        if (!worst.how.empty() && !(error > largest)) continue;
+        largest = error;
+        worst = std::move(found);
     }
-    warnings.push_back(
-        fmt::format("not validated, so no standard deviation: {}; record every load twice, or in a second "
-                    "session",
-                    in_vain));
-    return {};
+    worst.tried = std::move(tried);
+    if (worst.how.empty())
+        warnings.push_back(
+            fmt::format("not validated, so no standard deviation: {}; record every load twice, or in a second "
+                        "session",
+                        in_vain));
+    else if (of.labelled.sessions.size() < 2)
+        warnings.emplace_back(
+            "one session only: the error after mounting the sensor again, or on another day, is not known");
+    return worst;
 }
 
 std::array<std::array<double, 6>, 6> crosstalk(const std::vector<HeldOut>& rows, const Calibration& calibration) {

@@ -30,10 +30,13 @@ std::map<std::size_t, Wrench> errors_at_rest(const Calibration& calibration, con
 
 struct Validation {
     std::string how;                 // "leave one session out (2 sessions)"; "" = not possible
+    Rows all;                        // of the recording, whose number of loads says how well the fit is determined
     std::vector<HeldOut> rows;       // each once
     std::vector<std::size_t> group;  // group of each of `rows`
     std::vector<bool> has_sd;        // false: the method states no standard deviation for such a reading
     bool by_sessions = false;        // each group is a session
+    // The ways that were tried, with their error relative to full scale, as a mean over the components.
+    std::vector<std::pair<std::string, double>> tried;
     // Mean error at rest of each session, by the fit of all rows, which a tare subtracts; empty = unknown.
     std::map<std::size_t, Wrench> at_rest;
     // The same rows with random zeros, if the user states a drift: the standard deviation then holds for these.
@@ -41,13 +44,23 @@ struct Validation {
     Wrench rms = kUnseen;
     Wrench rms_of_part = kUnseen;  // for the method that this one adds to, fitted to the same parts
 };
-// Leaves each group of rows out in turn and fits the rest, in the first of ways_to_hold_out() in which every rest
-// determines the model. A method with memory reads the whole recording in order, each session from its start, as in
-// the loop: held-out rows are then estimated with their actual past, and without their labels. No fit sees the rows
-// `unused`; they are estimated with the others.
-Validation hold_out(const Labelled& labelled, const Rows& rows, const FitEntry& method, const Calibration& calibration,
-                    const ZeroDrift& drift, std::vector<std::string>& warnings,
-                    const std::set<const LabelledRow*>& unused = {});
+// Leaves each group of rows out in turn and fits the others, or those before it. A method with memory reads the whole
+// recording in order, each session from its start, as in the loop: held-out rows are then estimated with their actual past,
+// and without their labels. No fit sees the rows `unused`; they are estimated with the others.
+struct FitToValidate {
+    const Labelled& labelled;
+    const Rows& rows;
+    const FitEntry& method;
+    const Calibration& whole;  // with the domain, full scales and widths of all rows
+    const ZeroDrift& drift;
+    const std::set<const LabelledRow*>* unused = nullptr;
+};
+// Returns the error relative to full scale, as a mean over the components.
+double mean_share(const Wrench& error, const Calibration& calibration);
+// In the first of ways_to_hold_out() in which every part is determined.
+Validation hold_out(const FitToValidate& of);
+// In the way with the largest error, because the next hour may differ as the worst part did.
+Validation hold_out_worst(const FitToValidate& of, std::vector<std::string>& warnings);
 
 // Sets sd and sd_slope of each component from its held-out errors: the largest of their 68.27 % quantile, their 95 %
 // quantile over 1.96 and, from 200 rows on, their 99 % quantile over 2.58; at least the root mean square of the worst

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <optional>
 
 #include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/recording_checks.hpp"
@@ -19,10 +18,9 @@ namespace {
 
 constexpr double kHour_s = 3600, kShortest_s = 60;  // creep after a touch is no drift; a minute outlasts most of it
 constexpr std::size_t kParts = 20;                  // in a session: their means depend little on each other
-constexpr std::size_t kFewestParts = 10;
-constexpr double kSure = 4;           // standard errors of a slope: once in 1000 by chance
-constexpr std::size_t kSessions = 5;  // fewer do not show a standard deviation
-constexpr std::size_t kTried = 50;    // rows on which a change of a channel is tried
+constexpr double kSure = 3;                         // standard deviations: once in 1000 by chance
+constexpr std::size_t kSessions = 5;                // fewer do not show a standard deviation
+constexpr std::size_t kTried = 50;                  // rows on which a change of a channel is tried
 
 // The readings of a session minus what the loads explain: one row per reading, one column per channel.
 struct Unloaded {
@@ -70,45 +68,39 @@ std::vector<Unloaded> unloaded(const Calibration& calibration, const Rows& rows)
     return result;
 }
 
-// Returns the slope of channel `k` over the time, in channel_unit per hour: 0 if it is not sure, nullopt if the session is
-// too short for one. Rows at rest count alone, where they occur throughout.
-std::optional<double> slope_of(const Unloaded& session, std::size_t k, bool at_rest) {
+// Returns the mean of each channel in each part of the session; of the rows at rest alone, where each part has some, because
+// loads leave hysteresis and curvature. Empty for a session that is too short, or has parts without rows.
+std::vector<Eigen::VectorXd> means_of_parts(const Unloaded& session, bool at_rest) {
     const auto [first, last] = std::minmax_element(session.t_h.begin(), session.t_h.end());
     const double begin_h = *first, length_h = *last - *first;
-    if (length_h < kShortest_s / kHour_s) return std::nullopt;
-    std::array<double, kParts> n{}, t{}, e{};
-    for (std::size_t i = 0; i < session.t_h.size() && length_h > 0; ++i) {
+    if (length_h < kShortest_s / kHour_s) return {};
+    std::vector<Eigen::VectorXd> mean(kParts, Eigen::VectorXd::Zero(session.channel.cols()));
+    std::array<double, kParts> n{};
+    for (std::size_t i = 0; i < session.t_h.size(); ++i) {
         if (at_rest && !session.rests[i]) continue;
-        const double t_h = session.t_h[i] - begin_h;
-        const std::size_t part = std::min(std::size_t(t_h / length_h * double(kParts)), kParts - 1);
+        const auto part = std::min(std::size_t((session.t_h[i] - begin_h) / length_h * double(kParts)), kParts - 1);
         ++n[part];
-        t[part] += t_h;
-        e[part] += session.channel(Eigen::Index(i), Eigen::Index(k));
+        mean[part] += session.channel.row(Eigen::Index(i)).transpose();
     }
-    double parts = 0, t_mean = 0, e_mean = 0;
-    for (std::size_t i = 0; i < kParts; ++i) {
-        if (n[i] == 0) continue;
-        t_mean += t[i] /= n[i];
-        e_mean += e[i] /= n[i];
-        ++parts;
+    if (std::find(n.begin(), n.end(), 0) != n.end())
+        return at_rest ? means_of_parts(session, false) : std::vector<Eigen::VectorXd>();
+    for (std::size_t i = 0; i < kParts; ++i) mean[i] /= n[i];
+    return mean;
+}
+
+// Changes of the channels over a time, each scaled to an hour.
+using Changes = std::vector<std::vector<double>>;
+
+void add_changes(const std::vector<Eigen::VectorXd>& mean, std::size_t lag, double hours, Changes& changes) {
+    for (std::size_t i = 0; i + lag < mean.size(); ++i) {
+        const Eigen::VectorXd change = (mean[i + lag] - mean[i]) / hours;
+        changes.emplace_back(change.begin(), change.end());
     }
-    if (parts < double(kFewestParts)) return at_rest ? slope_of(session, k, false) : std::nullopt;
-    double tt = 0, te = 0, ee = 0;
-    for (std::size_t i = 0; i < kParts; ++i) {
-        if (n[i] == 0) continue;
-        const double dt = t[i] - t_mean / parts, de = e[i] - e_mean / parts;
-        tt += dt * dt;
-        te += dt * de;
-        ee += de * de;
-    }
-    const double slope = te / tt, error = std::sqrt(std::max(0.0, ee - te * slope) / (parts - 2) / tt);
-    return std::abs(slope) > kSure * error ? slope : 0;
 }
 
 // Returns what these changes of the channels do to each component: the root of the sum of their squared effects, which are
 // means over some of the rows.
-std::vector<double> effect_of(const std::vector<std::vector<double>>& changes, const Calibration& calibration,
-                              const Rows& rows) {
+std::vector<double> effect_of(const Changes& changes, const Calibration& calibration, const Rows& rows) {
     const auto decoupler = make_decoupler(calibration);
     const auto force_of = [&](const std::vector<double>& channel) {
         decoupler->forget();
@@ -135,12 +127,11 @@ std::vector<double> effect_of(const std::vector<std::vector<double>>& changes, c
 
 // Returns the standard deviation of each component for zeros that move like those of the sessions, or with each channel by
 // as much independently of the others, whichever is more: spare channels hide the one or the other from a fit.
-std::vector<double> moved_like(const std::vector<std::vector<double>>& sessions, const Calibration& calibration,
-                               const Rows& rows) {
+std::vector<double> moved_like(const Changes& sessions, const Calibration& calibration, const Rows& rows) {
     if (sessions.empty()) return std::vector<double>(calibration.components.size());
     const double n = double(sessions.size());
     std::vector<double> together = effect_of(sessions, calibration, rows);
-    std::vector<std::vector<double>> alone;
+    Changes alone;
     for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
         double squares = 0;
         for (const std::vector<double>& session : sessions) squares += session[k] * session[k];
@@ -155,7 +146,7 @@ std::vector<double> moved_like(const std::vector<std::vector<double>>& sessions,
 
 void set_zero_age(const Rows& rows, const SessionZeros& zeros, Calibration& calibration,
                   std::vector<std::string>& warnings) {
-    std::vector<std::vector<double>> offsets;
+    Changes offsets;
     for (const std::vector<double>& offset : zeros.offset)
         if (!offset.empty()) offsets.push_back(offset);
     if (const auto n = double(offsets.size()); !zeros.sd.empty() && offsets.size() >= kSessions) {
@@ -164,14 +155,21 @@ void set_zero_age(const Rows& rows, const SessionZeros& zeros, Calibration& cali
         for (double& each : calibration.zero_shift) each *= std::sqrt(n / (n - 1) * (1 + 1 / n));
     }
     if (calibration.sd.empty()) return;
-    std::vector<std::vector<double>> drifts;  // one for each session in which it is sure
+    // What half a session changes more than neighbouring parts do, which scatter by noise and loads.
+    Changes far, near;
     for (const Unloaded& session : unloaded(calibration, rows)) {
-        std::vector<double> drift;
-        for (std::size_t k = 0; k < calibration.channels.size(); ++k)
-            drift.push_back(slope_of(session, k, true).value_or(0));
-        if (std::any_of(drift.begin(), drift.end(), [](double x) { return x != 0; })) drifts.push_back(std::move(drift));
+        const std::vector<Eigen::VectorXd> mean = means_of_parts(session, true);
+        const double hours = (session.t_h.back() - session.t_h.front()) / 2;
+        add_changes(mean, kParts / 2, hours, far);
+        add_changes(mean, 1, hours, near);
     }
-    const std::vector<double> seen = moved_like(drifts, calibration, rows);
+    std::vector<double> seen = moved_like(far, calibration, rows);
+    const std::vector<double> scatter = moved_like(near, calibration, rows);
+    for (std::size_t c = 0; c < seen.size(); ++c) {
+        const double more = seen[c] * seen[c] - scatter[c] * scatter[c];
+        const double by_chance = kSure * std::sqrt(2 / double(far.size())) * scatter[c] * scatter[c];  // sd of a variance
+        seen[c] = more > by_chance ? std::sqrt(more) : 0;
+    }
     for (std::size_t i = 0; i < seen.size(); ++i) {
         if (!(seen[i] > calibration.sd[i])) continue;
         if (calibration.zero_rate_per_h.empty()) calibration.zero_rate_per_h = calibration.sd;

@@ -58,6 +58,38 @@ std::string sensor_text(const FitReport& report, const Settings& settings) {
         toml_text(name), toml_text(report.calibration.model), toml_text(file.string()), fmt::join(channels, ", "), slow);
 }
 
+// The times for which a claim is printed.
+struct After {
+    const char* name;
+    double hours;
+};
+constexpr After kAfter[] = {{"known", 0}, {"1 min", 1 / 60.0}, {"10 min", 1 / 6.0}, {"1 h", 1}};
+
+// Returns the median sd of a component so long after its zero was known (a tare, a free rest), as the daemon states it.
+double claim_after(const FitReport& report, std::size_t i, double hours) {
+    return std::hypot(component_errors(report, i).median_sd(), report.calibration.zero_growth_per_h()[i] * hours);
+}
+
+// The one that matters is lost among hundreds.
+void print_warnings(const std::vector<std::string>& warnings) {
+    constexpr std::size_t kLines = 10;
+    const std::size_t shown = warnings.size() > kLines ? kLines - 1 : warnings.size();
+    for (std::size_t i = 0; i < shown; ++i) fmt::print(stderr, "warning: {}\n", warnings[i]);
+    if (shown < warnings.size()) fmt::print(stderr, "warning: and {} more: --json has all\n", warnings.size() - shown);
+}
+
+void print_claims(const FitReport& report) {
+    if (report.calibration.sd.empty()) return;
+    fmt::print("median sd after the zero was known:\n{:>9}", "component");
+    for (const After& after : kAfter) fmt::print(" {:>13}", after.name);
+    for (std::size_t i = 0; i < report.components.size(); ++i) {
+        fmt::print("\n{:>9}", report.components[i].name);
+        for (const After& after : kAfter)
+            fmt::print(" {:>10.3g} {:<2}", claim_after(report, i, after.hours), unit_of(report.components[i]));
+    }
+    fmt::print("\n");
+}
+
 void print_report(const FitReport& report, const Settings& settings) {
     const Calibration& calibration = report.calibration;
     fmt::print("{}: model {}, method {}, {} channels\n", settings.out, calibration.model, calibration.method,
@@ -68,6 +100,8 @@ void print_report(const FitReport& report, const Settings& settings) {
         calibration.rows, report.rows_read, report.rows_without_label, report.rows_missing_channel, report.rows_saturated,
         std::count_if(report.suspects.begin(), report.suspects.end(), [](const auto& s) { return s.left_out; }));
     fmt::print("held out: {}\n", calibration.validation.empty() ? "not validated" : calibration.validation);
+    if (report.ways.size() > 1)
+        for (const auto& [how, error] : report.ways) fmt::print("  {:.2f} % of full scale: {}\n", 100 * error, how);
     fmt::print("{:>9} {:>10} {:>13} {:>15} {:>15} {:>8} {:>15} {:>8} {:>8} {:>8}  {}\n", "component", "rows", "full scale",
                "fitted rms", "held-out rms", "% of FS", "median sd", "in 1 sd", "in 3 sd", "over 5", "worst session");
     const auto percent = [](double share) {
@@ -92,6 +126,7 @@ void print_report(const FitReport& report, const Settings& settings) {
             fmt::print("  {}: {:.3g} {}", report.labelled->sessions[worst.session], worst.rms, unit);
         fmt::print("\n");
     }
+    print_claims(report);
     if (report.methods.size() > 1)
         for (const auto& method : report.methods) {
             fmt::print("method {:10} {:6.1f} s", method.method, method.seconds);
@@ -115,7 +150,7 @@ void print_report(const FitReport& report, const Settings& settings) {
             checked.empty() ? "" : fmt::format("; {:.2g} % of held-out rows alarm", 100 * calibration.parity.false_alarms));
     if (const Temperature& t = calibration.temperature; !t.zero_per_K.empty())
         fmt::print("temperature: {:.1f} to {:.1f} degC\n", t.range_C[0], t.range_C[1]);
-    for (const auto& warning : report.warnings) fmt::print(stderr, "warning: {}\n", warning);
+    print_warnings(report.warnings);
     fmt::print("To use it, paste into the configuration:\n\n{}", sensor_text(report, settings));
 }
 
@@ -156,10 +191,13 @@ void print_json(const FitReport& report, const Settings& settings) {
                                  {"within_1_sd", errors.within(1)},
                                  {"within_3_sd", errors.within(3)},
                                  {"beyond_5_sd", 1 - errors.within(5)}};
+        if (!report.calibration.sd.empty())
+            for (const After& after : kAfter) component["sd_after"][after.name] = claim_after(report, i, after.hours);
         if (report.labelled->sessions.size() > 1 && std::isfinite(worst.rms))
             component["worst_session"] = {{"name", report.labelled->sessions[worst.session]}, {"rms", worst.rms}};
         json["components"].push_back(std::move(component));
     }
+    for (const auto& [how, error] : report.ways) json["held_out"].push_back({{"how", how}, {"error", error}});
     for (const auto& method : report.methods) {
         json["methods"].push_back({{"method", method.method}, {"refused", method.refused}, {"seconds", method.seconds}});
         for (const double rms : method.held_out_rms) json["methods"].back()["held_out_rms"].push_back(rms);

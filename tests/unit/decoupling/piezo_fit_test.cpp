@@ -11,6 +11,7 @@
 
 #include "decoupling/fit/piezo_fit.hpp"
 #include "made_by_hand.hpp"
+#include "recordings.hpp"
 
 namespace tactiled {
 namespace {
@@ -178,11 +179,15 @@ TEST(PiezoFit, AHeldOutStretchHasItsPast) {
         labelled,
         [](double t) { return std::fmod(t + 0.05, 3.0) < 1.5 ? std::floor(std::fmod(t + 0.05, 12.0) / 3) + 1 : 7.0; }, 60);
     const FitReport report = fitted(labelled);
-    ASSERT_EQ(report.held_out.size(), labelled.rows.size());
-    for (std::size_t i = 1; i < 5; ++i) {
-        const HeldOut& first = report.held_out[i * labelled.rows.size() / 5];
-        EXPECT_NEAR(first.estimated_S[2], first.row->wrench_S[2], 0.15) << i;  // N; Cn alone is off by 6
+    const auto* rows = report.labelled->rows.data();
+    std::size_t found = 0;
+    for (const HeldOut& one : report.held_out) {
+        const std::size_t fifths = 5 * std::size_t(one.row - rows);
+        if (fifths == 0 || fifths % labelled.rows.size() != 0) continue;
+        EXPECT_NEAR(one.estimated_S[2], one.row->wrench_S[2], 0.15) << fifths;  // N; Cn alone is off by 6
+        ++found;
     }
+    EXPECT_GE(found, 1u);
 }
 
 // Its repeated loads would make poses, and leaving one out would leave gaps in time.
@@ -192,7 +197,8 @@ TEST(PiezoFit, ASquareWaveIsNotHeldOutByPoses) {
     sensor.record(
         labelled, [](double t) { return std::fmod(t, 2.0) < 1 ? 0 : 2 + 2 * std::floor(std::fmod(t, 10.0) / 2); }, 60);
     const FitReport report = fitted(labelled);
-    EXPECT_EQ(report.calibration.validation, "leave one of 5 stretches of time out");
+    EXPECT_TRUE(has_way(report, "leave one of 5 stretches of time out"));
+    EXPECT_FALSE(has_way(report, "leave poses out"));
     expect_the_sensor(report.calibration, sensor, 0.01);
 }
 

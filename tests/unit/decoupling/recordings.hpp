@@ -15,6 +15,11 @@ inline FitRequest by(const std::string& method) {
     return {.model = "generic", .method = method, .serial = "", .channel_unit = "V", .date = "2026-03-01"};
 }
 
+// Returns true if the rows were held out in this way, too.
+inline bool has_way(const FitReport& report, const std::string& how) {
+    return std::any_of(report.ways.begin(), report.ways.end(), [&](const auto& way) { return way.first.starts_with(how); });
+}
+
 inline bool warns(const FitReport& report, const std::string& what) {
     return std::any_of(report.warnings.begin(), report.warnings.end(),
                        [&](const std::string& warning) { return warning.find(what) != warning.npos; });

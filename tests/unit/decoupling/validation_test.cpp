@@ -70,6 +70,7 @@ Validation errors_of(const std::vector<double>& errors, std::vector<LabelledRow>
         rows.push_back(
             {.line = std::int64_t(i), .channel = {0}, .wrench_S = {kNaN, kNaN, i % 2 == 0 ? -5.0 : -6.0, kNaN, kNaN, kNaN}});
     for (std::size_t i = 0; i < errors.size(); ++i) {
+        validation.all.push_back(&rows[i]);
         validation.rows.push_back({&rows[i], {kNaN, kNaN, rows[i].wrench_S[2] + errors[i], kNaN, kNaN, kNaN}});
         validation.group.push_back(i * sessions / errors.size());
     }
@@ -126,6 +127,7 @@ TEST(Uncertainty, OfAComponentDependsOnTheLoadOfTheOthers) {
         Wrench estimated = rows.back().wrench_S;
         estimated[0] += std::hypot(0.04, 0.02 * fz) * normal(random);
         estimated[2] += 0.05 * normal(random);
+        validation.all.push_back(&rows.back());
         validation.rows.push_back({&rows.back(), estimated});
         validation.group.push_back(0);
     }
@@ -182,6 +184,7 @@ struct TwoAxes {
                         .t_ns = 0});
         Wrench estimated = rows.back().wrench_S;
         estimated[0] += error_N;
+        validation.all.push_back(&rows.back());
         validation.rows.push_back({&rows.back(), estimated});
         validation.group.push_back(0);
     }
