@@ -102,9 +102,9 @@ struct FitReport {
     std::vector<std::string> warnings;
 };
 
-// Fits, names labels that seem wrong, and validates by leaving out each session. If there is only one session, each
-// pose or each of five stretches of time is left out, because rows of one group resemble each other so much that
-// random rows would give a too small error. Single loads are left out if the rest would not determine the model.
+// Fits, names labels that seem wrong, and validates by leaving out each session, or with one session each pose and each of
+// five stretches of time, and then the last third of the time: rows of one group resemble each other so much that random
+// rows would give a too small error. Single loads are left out if the rest would not determine the model.
 // Held-out rows are estimated by the Decoupler of the loop. Parts are fitted in parallel, which does not change the
 // result.
 // setup: throws SetupError where the request is wrong, Undetermined where the data do not determine the model.
