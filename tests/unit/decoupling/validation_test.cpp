@@ -35,6 +35,38 @@ TEST(Validation, OfDeadWeightsOneAxisAfterTheOtherLeavesSingleLoadsOut) {
     EXPECT_LT(within / n, 0.8);
 }
 
+// One session of 20 min that repeats ten poses, and the same time again, while the zeros walk. The poses of a group occur
+// all the time, so that leaving poses out claims a third of the error.
+TEST(Validation, OfASensorThatDriftsClaimsTheTimeAfterIt) {
+    double claimed = 0, later = 0;
+    for (unsigned seed = 1; seed <= 20; ++seed) {
+        std::mt19937_64 random(seed);
+        std::normal_distribution<double> normal(0, 1);
+        Labelled fitted;
+        fitted.name = "walk.csv";
+        fitted.channels = {"A", "B"};
+        Labelled after = fitted;
+        double zero = 0;
+        for (int i = 0; i < 2400; ++i) {
+            const double fz = -double(i / 10 % 10);
+            zero += 0.01 * normal(random);
+            (i < 1200 ? fitted : after)
+                .rows.push_back({.line = i + 2,
+                                 .channel = {fz + zero + 0.01 * normal(random), 0.1 * fz + 0.01 * normal(random)},
+                                 .wrench_S = {kNaN, kNaN, fz, kNaN, kNaN, kNaN},
+                                 .session = 0,
+                                 .t_ns = std::uint64_t(i + 1) * 1'000'000'000});
+        }
+        const FitReport report = fit(fitted, by("matrix"));
+        Rows rows;
+        for (const LabelledRow& row : after.rows) rows.push_back(&row);
+        claimed += std::pow(report.components[0].held_out_rms, 2);
+        later += std::pow(rms_error(report.calibration, rows)[2], 2);
+        EXPECT_TRUE(has_way(report, "leave poses out")) << seed;
+    }
+    EXPECT_NEAR(std::sqrt(claimed / later), 1, 0.4);
+}
+
 // The error of a held-out row is e / (1 - h) with its leverage h.
 TEST(Validation, OfSingleLoadsIsThatByLeverage) {
     Labelled labelled = six_axes(3, 2e-3);
