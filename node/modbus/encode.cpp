@@ -78,7 +78,7 @@ bool has_weight(const tactiled_grasp& g) noexcept {
 }
 
 bool is_stable(const tactiled_grasp& g) noexcept {
-    return g.weight_state == TACTILED_WEIGHT_STABLE && std::isfinite(g.weight_kg);
+    return g.weight_state == TACTILED_WEIGHT_STABLE && g.weight_doubts == 0 && std::isfinite(g.weight_kg);
 }
 
 bool is_silent(std::uint32_t reasons) noexcept { return (reasons & kSilent) != 0; }
