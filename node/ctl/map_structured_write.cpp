@@ -49,7 +49,7 @@ VAR_OUTPUT
     ERROR : BOOL; (* likewise; RESULT tells why *)
     RESULT : UINT; (* C.RESULT_OK and so on *)
     WRITES_ARRIVE : BOOL; (* the daemon has echoed another heartbeat within {fresh_s} s *)
-    BAD_GRAVITY : BOOL; (* GRAVITY is not as on Earth: it is not stated, and the rest of the write is *)
+    BAD_GRAVITY : BOOL; (* GRAVITY is not as on Earth: it is written as not known, and the rest of the write as it is *)
 END_VAR
 VAR
     JUDGE : FB_TACTILED_AGE;
@@ -149,7 +149,7 @@ WRITE_REGS[{force}] := 16#FFFF;
 )";
 
 // Gravity is stated with its length, in counts of 0.001 m/s2, between the limits of the daemon, which refuses a whole write
-// for another one; 0, 0, 0 states nothing.
+// for another one. A gravity that is turned and bad is not known; 0, 0, 0 says nothing, and leaves the configured one.
 constexpr char kGravity[] =
     R"(    SQUARES := 0;
     FOR IDX := {x} TO {z} DO
@@ -157,7 +157,7 @@ constexpr char kGravity[] =
     END_FOR;
     BAD_GRAVITY := (SQUARES < {least}) OR ({most} < SQUARES);
 END_IF;
-IF BAD_GRAVITY OR (NOT HAS_GRAVITY) THEN
+IF NOT HAS_GRAVITY THEN
 )";
 
 // Returns the place of a register of the commands in the block that is written.
@@ -193,7 +193,8 @@ std::string write_gravity() {
     return "BAD_GRAVITY := HAS_GRAVITY;\n" + write_vector("GRAVITY", at, 10) +
            fmt::format(kGravity, fmt::arg("x", at), fmt::arg("z", at + 2), fmt::arg("least", squares(Robot::kMinG_m_s2) + 1),
                        fmt::arg("most", squares(Robot::kMaxG_m_s2) - 1)) +
-           fill_vector("    ", at, "16#0000") + "END_IF;\n";
+           fill_vector("    ", at, "16#0000") + "ELSIF BAD_GRAVITY THEN\n" + fill_vector("    ", at, "16#8000") +
+           "END_IF;\n";
 }
 
 // Its words begin with "not known", because a 0 that nobody measured would be an acceleration.

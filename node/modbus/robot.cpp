@@ -38,9 +38,9 @@ void Robot::write(unsigned at, std::uint16_t word, CommandClient& client, std::u
 }
 
 void Robot::state(Hint& hint, const HintWords& words, const HostAddress& writer, std::uint64_t now_ns) noexcept {
-    const bool is_zero = hint.kind == Command::Kind::gravity && words == HintWords{};
-    if (is_zero || std::find(words.begin(), words.end(), hint.none) != words.end()) {
-        if (hint.state != State::unknown && hint.writer == writer) end(hint, State::unknown);
+    const bool says_nothing = hint.kind == Command::Kind::gravity && words == HintWords{};
+    if (says_nothing || std::find(words.begin(), words.end(), hint.none) != words.end()) {
+        if (hint.writer == writer || (!hint.writer && !says_nothing)) end(hint, State::unknown);
         return;
     }
     hint.words = words;
@@ -52,8 +52,9 @@ void Robot::state(Hint& hint, const HintWords& words, const HostAddress& writer,
 
 void Robot::end(Hint& hint, State why) noexcept {
     hint.words = {hint.none, hint.none, hint.none};
+    hint.unsent |= hint.state != why;
     hint.state = why;
-    hint.unsent = true;
+    if (why == State::unknown) hint.writer.reset();
 }
 
 void Robot::hold(const HostAddress& writer, std::uint64_t until_ns) noexcept {

@@ -2,9 +2,11 @@
 // and 5040 .. 5046. These writes have no acknowledgement.
 //
 // A hint belongs to the client that stated it last, and is in force until that client has been silent for its PLC_WATCHDOG.
-// Words that state nothing withdraw a hint of the same client, and change nothing else.
+// Words that are not known end a hint, unless it belongs to another client. Gravity 0, 0, 0 says nothing: it only
+// withdraws the one of the same client.
 #pragma once
 #include <array>
+#include <optional>
 
 #include "node/command.hpp"
 #include "node/modbus/encode.hpp"
@@ -40,18 +42,18 @@ public:
     }
 
 private:
-    enum class State : std::uint8_t { unknown, stated, expired };
+    enum class State : std::uint8_t { configured, unknown, stated, expired };  // configured: no client has said anything
     struct Hint {
         std::uint16_t at;  // its first register
         Command::Kind kind;
-        std::uint16_t none;  // the word that states nothing
+        std::uint16_t none;  // the word that is not known
         HintWords words{none, none, none};
-        State state = State::unknown;
-        HostAddress writer{};
+        State state = State::configured;
+        std::optional<HostAddress> writer{};  // none: neither stated nor expired
         std::uint64_t until_ns = 0, stated_ns = 0;
         bool unsent = false;
     };
-    // The hint that a register belongs to: its index.
+    // Returns the index of the hint that a register belongs to.
     static constexpr std::size_t index_of(unsigned at) noexcept { return at < kGravityX ? 0 : at < kAccelX ? 1 : 2; }
     static void state(Hint& hint, const HintWords& words, const HostAddress& writer, std::uint64_t now_ns) noexcept;
     static void end(Hint& hint, State why) noexcept;

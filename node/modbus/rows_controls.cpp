@@ -71,7 +71,7 @@ constexpr Register kControls[] = {
      kKept, locked(10, 10000)},
     {kGravityX, "GRAVITY_X", i16, kAcceleration,
      "gravity in the gripper's frame G; all three count when Z is written, after X and Y, and must be 9.7 .. 9.9 m/s2 "
-     "together; 0, 0, 0 says nothing. They read as in force",
+     "together; 0, 0, 0 says nothing, and 0x8000 is not known. They read as in force",
      kKept, kAny},
     {kGravityX + 1, "GRAVITY_Y", i16, kAcceleration, "", kKept, kAny},
     {kGravityX + 2, "GRAVITY_Z", i16, kAcceleration,

@@ -85,7 +85,7 @@ class FunctionBlock(unittest.TestCase):
             self.scan(plc)
             gravity = {"GRAVITY_X": 0.0, "GRAVITY_Y": 6.937, "GRAVITY_Z": -6.937}
             for hint, words, is_bad in (({"HAS_GRAVITY": False}, [0, 0, 0], False), ({"HAS_GRAVITY": True, **gravity}, [0, 6937, -6937 & 0xFFFF], False),
-                                        ({"HAS_GRAVITY": True, "GRAVITY_X": 40.0}, [0, 0, 0], True), ({"HAS_GRAVITY": False}, [0, 0, 0], False)):
+                                        ({"HAS_GRAVITY": True, "GRAVITY_X": 40.0}, [0x8000] * 3, True), ({"HAS_GRAVITY": False}, [0, 0, 0], False)):
                 self.scan(plc, **hint)
                 self.assertEqual((self.command.value("WRITE_REGS")[8:11], self.command.value("BAD_GRAVITY")), (words, is_bad))
 

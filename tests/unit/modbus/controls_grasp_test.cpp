@@ -139,8 +139,14 @@ TEST_F(GraspControls, GravityInAWrongScaleIsRefusedWhole) {
     EXPECT_EQ(put(kGravityX, {0, 0, 1000}), kIllegalValue);                 // 0.001 g
     EXPECT_EQ(cell(kGravityX), kNoI16);
     nothing_was_sent();
-    EXPECT_EQ(put(kGravityX, {kNoI16, kNoI16, kNoI16}), kNone);  // not known: the configured one stays
-    nothing_was_sent();
+}
+
+TEST_F(GraspControls, GravityThatIsNotKnownEndsTheConfiguredOne) {
+    const std::vector<unsigned> unknown{kNoI16, kNoI16, kNoI16};
+    EXPECT_EQ(put(kGravityX, unknown), kNone);
+    EXPECT_TRUE(std::isnan(sent().robot_G_m_s2[2]));
+    for (const auto& words : {unknown, std::vector<unsigned>{0, 0, 0}}) EXPECT_EQ(put(kGravityX, words), kNone);
+    nothing_was_sent();  // once
 }
 
 TEST_F(GraspControls, AnAccelerationIsOfTheMomentOfItsCount) {

@@ -152,10 +152,11 @@ TEST_F(ExpiringHints, TwoGatewaysThatRepeatTheirLastWritesKeepNothingInForce) {
     EXPECT_EQ(seen(), Sent{});
 }
 
-TEST_F(ExpiringHints, WordsThatStateNothingDieWithNobody) {
+TEST_F(ExpiringHints, WordsThatStateNothingNeitherExpireNorKeepAWatch) {
     EXPECT_EQ(put(kCycleAt, {0, 0, 0, 0, 0, 1, kNoU16, kNoU16, 0, 0, 0, kNoI16, kNoI16, kNoI16, 7}), kNone);
     EXPECT_EQ(put(kGravityX, unknown()), kNone);
     EXPECT_EQ(put(kAccelCount, 8), kNone);
+    EXPECT_EQ(seen(), (Sent{"no state", "no gravity", "no acceleration"}));
     EXPECT_FALSE(controls_->watches_plc());
     controls_->tick(100 * kSecond);
     EXPECT_EQ(seen(), Sent{});
