@@ -37,7 +37,7 @@ VAR_INPUT
     GRAVITY_X : REAL; (* m/s2, frame G, 9.81 in all *)
     GRAVITY_Y : REAL;
     GRAVITY_Z : REAL;
-    HAS_ACCEL : BOOL; (* ACCEL is new in this call; the words keep it until the next one, for a slower fieldbus *)
+    HAS_ACCEL : BOOL; (* ACCEL is new in this call; the words keep it for {accel_ms} ms, for a slower fieldbus *)
     ACCEL_X : REAL; (* m/s2, frame G, without gravity *)
     ACCEL_Y : REAL;
     ACCEL_Z : REAL;
@@ -64,8 +64,9 @@ VAR
     HAS_ECHO : BOOL;
     LAST_ECHO : WORD;
     SINCE_ECHO : TON;
-    COUNT : UINT; (* of the values of ACCEL, whose words change with it alone *)
-    STARTED : BOOL;
+    COUNT : UINT; (* of the values of ACCEL *)
+    ACCEL_STATED : BOOL;
+    SINCE_ACCEL : TON;
     IDX : INT;
     SQUARES : DINT;
 END_VAR
@@ -197,15 +198,19 @@ std::string write_gravity() {
            "END_IF;\n";
 }
 
-// Its words begin with "not known", because a 0 that nobody measured would be an acceleration.
+// The words are those of a measurement for as long as the daemon would use it. A later write, for example the first one
+// after an outage, has "not known": the daemon takes the time of a write as that of the measurement.
 std::string write_acceleration() {
     const unsigned at = place_of(kAccelX);
-    return "IF NOT STARTED THEN\n" + fill_vector("    ", at, "16#8000") + "    STARTED := TRUE;\nEND_IF;\n" +
-           write_vector("ACCEL", at, 32) +
+    const std::string limit = fmt::format("T#{}ms", Robot::kAccelerationLasts_ms);
+    return write_vector("ACCEL", at, 32) +
            fmt::format(
                "    IF COUNT = 65535 THEN\n        COUNT := 0;\n    ELSE\n        COUNT := COUNT + 1;\n    END_IF;\n"
-               "END_IF;\nWRITE_REGS[{}] := UINT_TO_WORD(COUNT);\n",
-               place_of(kAccelCount));
+               "    ACCEL_STATED := TRUE;\n    SINCE_ACCEL(IN := FALSE, PT := {0});\nEND_IF;\n"
+               "WRITE_REGS[{1}] := UINT_TO_WORD(COUNT);\nSINCE_ACCEL(IN := ACCEL_STATED, PT := {0});\n"
+               "IF SINCE_ACCEL.Q THEN\n    ACCEL_STATED := FALSE;\nEND_IF;\nIF NOT ACCEL_STATED THEN\n",
+               limit, place_of(kAccelCount)) +
+           fill_vector("    ", at, "16#8000") + "END_IF;\n";
 }
 
 std::uint16_t value_of(std::string_view of, std::string_view id) {
@@ -220,7 +225,8 @@ std::string structured_write() {
     const auto result = [](std::string_view id) { return value_of("global.CMD_RESULT", id); };
     const auto state = [](std::string_view id) { return value_of("global.CMD_STATE", id); };
     return fmt::format(kDeclaration, fmt::arg("size", kCycleSize), fmt::arg("at", kCycleAt),
-                       fmt::arg("last", kCycleSize - 1), fmt::arg("fresh_s", kFresh_ms / 1e3)) +
+                       fmt::arg("last", kCycleSize - 1), fmt::arg("fresh_s", kFresh_ms / 1e3),
+                       fmt::arg("accel_ms", Robot::kAccelerationLasts_ms)) +
            fmt::format(kBody, fmt::arg("beat", place_of(kPlcHeartbeat)), fmt::arg("echo", unsigned(kPlcHbEcho)),
                        fmt::arg("ack", unsigned(kCmdSeqAck)), fmt::arg("state", unsigned(kCmdState)),
                        fmt::arg("result", unsigned(kCmdResult)), fmt::arg("ok", result("OK")),

@@ -17,6 +17,8 @@ class Robot {
 public:
     // On Earth, as in the configuration: a gravity beyond has a wrong scale, and would give a wrong weight.
     static constexpr double kMinG_m_s2 = 9.7, kMaxG_m_s2 = 9.9;
+    // The age up to which grasp::Weight and Tool use a reported acceleration.
+    static constexpr unsigned kAccelerationLasts_ms = 100;
 
     // Takes a register of a hint from a client. The gripper's state takes effect at once, gravity with its Z after X and Y,
     // acceleration with another ACCEL_COUNT than the one before: a client that writes one register at a time never causes a
@@ -49,7 +51,7 @@ private:
         std::uint16_t none;  // the word that is not known
         HintWords words{none, none, none};
         State state = State::configured;
-        std::optional<HostAddress> writer{};  // none: neither stated nor expired
+        std::optional<HostAddress> writer{};  // nullopt: neither stated nor expired
         std::uint64_t until_ns = 0, stated_ns = 0;
         bool unsent = false;
     };

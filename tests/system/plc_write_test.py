@@ -8,6 +8,7 @@ import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from held_force import Held, wait_for  # noqa: E402
+from interop.pymodbus_client import write_and_read  # noqa: E402
 from plc_view import program  # noqa: E402
 
 TARE, UNTARE, CLEAR = 1, 2, 3
@@ -111,22 +112,38 @@ class FunctionBlock(unittest.TestCase):
             self.assertEqual([self.command.value(name) for name in ("DONE", "RESULT")], [True, OK])
             self.assertEqual(other.outcome(), (2, DONE, OK))
 
+    def in_force(self, plc):
+        """Writes what the block has and reads the acceleration in force, by one request: no time passes between."""
+        answer = write_and_read(plc.client, 5300, [*self.command.values["WRITE_REGS"]], 5311, 4, slave=1)
+        return answer.registers
+
     def test_an_acceleration_keeps_its_words_until_a_slower_fieldbus_has_written_them(self):
         with Held() as held:
             plc = held.plc()
-            stated = lambda: plc.client.read_holding_registers(5311, count=4).registers  # noqa: E731
             self.scan(plc)
-            self.assertEqual(stated(), [0x8000, 0x8000, 0x8000, 0], "nothing was measured")
+            self.assertEqual(self.in_force(plc), [0x8000, 0x8000, 0x8000, 0], "nothing was measured")
             self.scan(plc, HAS_ACCEL=True, ACCEL_X=1.5, ACCEL_Z=-0.25, writes=False)
             self.scan(plc, HAS_ACCEL=False, writes=False)
-            self.scan(plc, HAS_ACCEL=False)
-            self.assertEqual(stated(), [1500, 0, -250 & 0xFFFF, 1])
-            self.scan(plc, HAS_ACCEL=True, ACCEL_X=40.0)
-            self.assertEqual(stated(), [1500, 0, -250 & 0xFFFF, 1], "a value out of range is not confirmed")
+            self.scan(plc, HAS_ACCEL=False, writes=False)
+            self.assertEqual(self.in_force(plc), [1500, 0, -250 & 0xFFFF, 1])
+            self.scan(plc, HAS_ACCEL=True, ACCEL_X=40.0, writes=False)
+            self.assertEqual(self.command.value("WRITE_REGS")[11:], [1500, 0, -250 & 0xFFFF, 1], "a value out of range is not confirmed")
             self.command = self.program.instance("FB_TACTILED_WRITE")  # the PLC restarts, and its count is another one
-            self.scan(plc)
+            self.scan(plc, writes=False)
             self.assertEqual(self.command.value("WRITE_REGS")[11:], [0x8000, 0x8000, 0x8000, 0])
-            self.assertEqual(stated()[:3], [0x8000] * 3)
+            self.assertEqual(self.in_force(plc)[:3], [0x8000] * 3)
+
+    def test_an_acceleration_from_before_an_outage_is_not_a_new_one(self):
+        with Held() as held:
+            plc = held.plc()
+            self.scan(plc)
+            for count, (outage_ms, words) in enumerate(((60, [1500, 0, 0]), (100, [0x8000] * 3), (1900, [0x8000] * 3)), 1):
+                self.scan(plc, HAS_ACCEL=True, ACCEL_X=1.5, writes=False)
+                self.program.now_ms += outage_ms - 20  # a scan takes 20 ms
+                self.scan(plc, HAS_ACCEL=False, writes=False)
+                self.assertEqual(self.in_force(plc), [*words, count], f"{outage_ms} ms after its measurement")
+            self.scan(plc, HAS_ACCEL=True, ACCEL_X=2.0, writes=False)
+            self.assertEqual(self.in_force(plc)[:3], [2000, 0, 0])
 
 
 if __name__ == "__main__":
