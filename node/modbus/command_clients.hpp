@@ -25,8 +25,8 @@ struct Outcome {
 // The words of a hint of up to three registers, in their order; further ones are 0.
 using HintWords = std::array<std::uint16_t, 3>;
 
-// Gravity as a client writes it, by one request or by three: Z makes it whole, after X and Y.
-struct GravityDraft {
+// A vector as a client writes it, by one request or by three: Z makes it whole, after X and Y.
+struct VectorDraft {
     HintWords words{};
     unsigned written = 0;  // axes from X on, without a gap
 
@@ -37,6 +37,13 @@ struct GravityDraft {
     [[nodiscard]] bool is_whole() const noexcept { return written == words.size(); }
 };
 
+// The words of hints that a client has written: what it has begun, and what has no effect. A silence ends them all.
+struct HintDrafts {
+    VectorDraft gravity, acceleration;
+    std::optional<std::uint16_t> accel_count;  // the first one confirms nothing: its values may be old
+    std::uint16_t gripper_force = kNoU16;      // without effect yet
+};
+
 struct CommandClient {
     static constexpr std::uint64_t kNever = UINT64_MAX;
     HostAddress host{};
@@ -44,9 +51,7 @@ struct CommandClient {
 
     std::uint16_t heartbeat = 0, watchdog_ms = 0;  // the words that it wrote last
     std::uint64_t life_ns = 0;                     // its last sign of life; 0: none yet
-    GravityDraft gravity;                          // hints that it has not written to the end
-    HintWords acceleration{kNoI16, kNoI16, kNoI16};
-    std::optional<std::uint16_t> accel_count;  // the first one confirms nothing: its values may be old
+    HintDrafts hints;
 
     std::array<std::uint16_t, 5> block{};  // registers 5000 .. 5004
     std::array<std::uint16_t, 5> taken{};  // the block when its number was taken
@@ -66,10 +71,8 @@ struct CommandClient {
     [[nodiscard]] std::uint64_t lives_until_ns() const noexcept {
         return watchdog_ms == 0 ? kNever : life_ns + std::uint64_t(watchdog_ms) * 1'000'000u;
     }
-    // The gravity that it has begun; axes from before a silence are those of an old direction.
-    [[nodiscard]] GravityDraft draft(std::uint64_t now_ns) const noexcept {
-        return is_silent(now_ns) ? GravityDraft{} : gravity;
-    }
+    // Its hints; axes from before a silence are those of an old direction.
+    [[nodiscard]] HintDrafts drafts(std::uint64_t now_ns) const noexcept { return is_silent(now_ns) ? HintDrafts{} : hints; }
 
     // True if writing `cmd_seq` runs the block. The first number after a start does not: a PLC that writes its block
     // in every cycle writes its last command again, which must not run a second time.

@@ -76,7 +76,7 @@ Exception Controls::check(const Request& request, const View& view, const Sessio
 // its begin, a whole gravity as on Earth. Words that were not written count as they are.
 bool Controls::registers_fit(const Request& request, const Session& session, std::uint64_t now_ns) const noexcept {
     Words after = words_;
-    GravityDraft gravity = clients_.at(session.host).draft(now_ns);
+    VectorDraft gravity = clients_.at(session.host).drafts(now_ns).gravity;
     int commands = 0;
     for (unsigned i = 0; i < request.write.count; ++i) {
         const unsigned at = written_at(request, i);
@@ -126,7 +126,7 @@ void Controls::note_life(const Request& request, const Session& session, std::ui
     if (!beats && !repeats && !hints) return;
     CommandClient& client = clients_.of_writer(session.host, now_ns);
     if (!beats && (!hints || (repeats && client.life_ns != 0))) return;
-    client.gravity = client.draft(now_ns);
+    client.hints = client.drafts(now_ns);
     client.life_ns = now_ns;
 }
 
@@ -193,7 +193,7 @@ void Controls::read(Run run, const Session& session, std::uint64_t now_ns, std::
         else if (at == kPlcWatchdog)
             out[i] = client.watchdog_ms;
         else if (Robot::is_hint(at))
-            out[i] = robot_.word(at, client);
+            out[i] = robot_.word(at, client.drafts(now_ns));
         else if (at == kUnlock)
             out[i] = now_ns <= session.unlocked_until_ns && session.unlocked_until_ns != 0;
         else if (at == kSave)

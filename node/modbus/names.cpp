@@ -32,15 +32,14 @@ constexpr Name kFaultBits[] = {{0, "sensor lost", "SENSOR_LOST"},
                                {6, "storage", "STORAGE"},
                                {7, "bus error", "BUS"},
                                {8, "internal", "INTERNAL"}};
-constexpr Name kWarnBits[] = {
-    {1, "drift: the zero of a sensor at rest has moved", "DRIFT"},
-    {2, "lost samples", "LOST_SAMPLES"},
-    {4, "the last tare was refused or failed: the previous zero is in force", "TARE"},
-    {5, "a sensor's method auto has stepped down or misses its budget", "BUDGET"},
-    {6, "a sensor's rate is not the declared one", "RATE"},
-    {7, "the last reload was refused: the previous configuration is in force", "RELOAD"},
-    {8, "the jaws contradict the weight: see WEIGHT_WHY", "JAWS"},
-    {9, "a hint of a PLC has expired: gravity, acceleration or gripper state is not known", "HINTS"}};
+constexpr Name kWarnBits[] = {{1, "drift: the zero of a sensor at rest has moved", "DRIFT"},
+                              {2, "lost samples", "LOST_SAMPLES"},
+                              {4, "the last tare was refused or failed: the previous zero is in force", "TARE"},
+                              {5, "a sensor's method auto has stepped down or misses its budget", "BUDGET"},
+                              {6, "a sensor's rate is not the declared one", "RATE"},
+                              {7, "the last reload was refused: the previous configuration is in force", "RELOAD"},
+                              {8, "the jaws contradict the weight: see WEIGHT_WHY", "JAWS"},
+                              {9, "a hint of a PLC has expired: gravity or gripper state is not known", "HINTS"}};
 constexpr Name kDoubtBits[] = {
     {0, "the presses do not balance: a wrong gain, or a tilt or an acceleration that is not reported", "BALANCE"},
     {1, "the jaws do not share the load as they should: a wrong gain or direction", "SHARES"},

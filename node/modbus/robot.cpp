@@ -23,17 +23,19 @@ double squares_of(const grasp::Vector& v) noexcept {
 
 void Robot::write(unsigned at, std::uint16_t word, CommandClient& client, std::uint64_t now_ns) noexcept {
     Hint& hint = hints_[index_of(at)];
+    HintDrafts& drafts = client.hints;
     if (at == kGripperForce) {
-        force_ = word;
+        drafts.gripper_force = word;
     } else if (at == kGripperState) {
         state(hint, {word}, client.host, now_ns);
     } else if (at < kAccelX) {
-        client.gravity.put(at - kGravityX, word);
-        if (client.gravity.is_whole()) state(hint, client.gravity.words, client.host, now_ns);
+        drafts.gravity.put(at - kGravityX, word);
+        if (drafts.gravity.is_whole()) state(hint, drafts.gravity.words, client.host, now_ns);
     } else if (at < kAccelCount) {
-        client.acceleration[at - kAccelX] = word;
-    } else if (const auto before = std::exchange(client.accel_count, word); before && *before != word) {
-        state(hint, client.acceleration, client.host, now_ns);
+        drafts.acceleration.put(at - kAccelX, word);
+    } else if (const auto before = std::exchange(drafts.accel_count, word);
+               before && *before != word && drafts.acceleration.is_whole()) {
+        state(hint, drafts.acceleration.words, client.host, now_ns);
     }
 }
 
@@ -59,12 +61,14 @@ void Robot::end(Hint& hint, State why) noexcept {
 
 void Robot::hold(const HostAddress& writer, std::uint64_t until_ns) noexcept {
     for (Hint& hint : hints_)
-        if (hint.writer == writer) hint.until_ns = until_ns;
+        if (hint.writer == writer)
+            hint.until_ns = hint.is_of_a_moment() ? std::min(until_ns, hint.stated_ns + kAccelerationLasts_ns) : until_ns;
 }
 
 void Robot::expire(std::uint64_t now_ns) noexcept {
     for (Hint& hint : hints_)
-        if (hint.state == State::stated && now_ns > hint.until_ns) end(hint, State::expired);
+        if (hint.state == State::stated && now_ns > hint.until_ns)
+            end(hint, hint.is_of_a_moment() ? State::unknown : State::expired);
 }
 
 bool Robot::may_expire() const noexcept {
@@ -94,9 +98,9 @@ void Robot::send(CommandRing& commands) noexcept {
     }
 }
 
-std::uint16_t Robot::word(unsigned at, const CommandClient& client) const noexcept {
-    if (at == kGripperForce) return force_;
-    if (at == kAccelCount) return client.accel_count.value_or(0);
+std::uint16_t Robot::word(unsigned at, const HintDrafts& drafts) const noexcept {
+    if (at == kGripperForce) return drafts.gripper_force;
+    if (at == kAccelCount) return drafts.accel_count.value_or(0);
     const Hint& hint = hints_[index_of(at)];
     return hint.words[at - hint.at];
 }

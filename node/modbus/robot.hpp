@@ -2,6 +2,7 @@
 // and 5040 .. 5046. These writes have no acknowledgement.
 //
 // A hint belongs to the client that stated it last, and is in force until that client has been silent for its PLC_WATCHDOG.
+// An acceleration is of a moment, and is not known 100 ms after its report: a robot that moves reports another one.
 // Words that are not known end a hint, unless it belongs to another client. Gravity 0, 0, 0 says nothing: it only
 // withdraws the one of the same client.
 #pragma once
@@ -18,7 +19,7 @@ public:
     // On Earth, as in the configuration: a gravity beyond has a wrong scale, and would give a wrong weight.
     static constexpr double kMinG_m_s2 = 9.7, kMaxG_m_s2 = 9.9;
     // The age up to which grasp::Weight and Tool use a reported acceleration.
-    static constexpr unsigned kAccelerationLasts_ms = 100;
+    static constexpr std::uint64_t kAccelerationLasts_ms = 100, kAccelerationLasts_ns = kAccelerationLasts_ms * 1'000'000;
 
     // Takes a register of a hint from a client. The gripper's state takes effect at once, gravity with its Z after X and Y,
     // acceleration with another ACCEL_COUNT than the one before: a client that writes one register at a time never causes a
@@ -31,8 +32,9 @@ public:
     // Sends what has changed to the pipeline, as far as there is room.
     void send(CommandRing& commands) noexcept;
 
-    // Returns the word in force: "not available" of a hint that was not stated, was withdrawn, or has expired.
-    [[nodiscard]] std::uint16_t word(unsigned at, const CommandClient& client) const noexcept;
+    // Returns the word in force, "not available" of a hint that was not stated, was withdrawn, or has expired; of the force
+    // and of ACCEL_COUNT the one of the client that asks.
+    [[nodiscard]] std::uint16_t word(unsigned at, const HintDrafts& drafts) const noexcept;
     // True while a hint is in force that may expire.
     [[nodiscard]] bool may_expire() const noexcept;
 
@@ -54,6 +56,8 @@ private:
         std::optional<HostAddress> writer{};  // nullopt: neither stated nor expired
         std::uint64_t until_ns = 0, stated_ns = 0;
         bool unsent = false;
+
+        [[nodiscard]] bool is_of_a_moment() const noexcept { return kind == Command::Kind::acceleration; }
     };
     // Returns the index of the hint that a register belongs to.
     static constexpr std::size_t index_of(unsigned at) noexcept { return at < kGravityX ? 0 : at < kAccelX ? 1 : 2; }
@@ -64,7 +68,6 @@ private:
     std::array<Hint, 3> hints_{{{kGripperState, Command::Kind::hint, kNoU16},
                                 {kGravityX, Command::Kind::gravity, kNoI16},
                                 {kAccelX, Command::Kind::acceleration, kNoI16}}};
-    std::uint16_t force_ = kNoU16;  // without effect yet
 };
 
 }  // namespace tactiled::modbus

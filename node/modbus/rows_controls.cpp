@@ -57,7 +57,8 @@ constexpr Register kControls[] = {
     {kGripperState, "GRIPPER_STATE", enumeration, kNoUnit,
      "a hint for the grasp estimate, from the first write on until PLC_WATCHDOG expires; 65535 = no hint", kKept,
      range_or_none(0, 5)},
-    {kGripperForce, "GRIPPER_FORCE", u16, kForce, "commanded force, a hint: kept, without effect yet", kKept, kAny},
+    {kGripperForce, "GRIPPER_FORCE", u16, kForce, "commanded force, a hint of each client: kept, without effect yet", kKept,
+     kAny},
     {kFilterHz, "FILTER_HZ", u16, kHertz, "low pass on force and torque, 0 = off", kKept, locked(0, 1000)},
     {kContactOn, "CONTACT_ON", u16, kForce,
      "magnitude at which the sensor's contact begins; the grasp keeps the configured one", kKept, locked(1, 30000)},
@@ -80,8 +81,8 @@ constexpr Register kControls[] = {
     {kAccelX + 1, "ACCEL_Y", i16, kAcceleration, "", kKept, kAny},
     {kAccelX + 2, "ACCEL_Z", i16, kAcceleration, "", kKept, kAny},
     {kAccelCount, "ACCEL_COUNT", count, kNoUnit,
-     "a new value confirms ACCEL_X .. ACCEL_Z, but not the first one of a client after a start; 100 ms without a new value "
-     "make them unknown",
+     "a new value confirms ACCEL_X .. ACCEL_Z, written in this order, but not the first one of a client after a start or a "
+     "silence; 100 ms without a new value make them unknown",
      kKept, kAny},
     {kUnlock, "UNLOCK", u16, kNoUnit,
      "0x5AFE opens the settings 5030 .. 5035 for 30 s on this connection, 0 closes; reads 1 while open", kKept, kAny},

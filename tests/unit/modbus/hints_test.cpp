@@ -231,6 +231,52 @@ TEST_F(ExpiringHints, TheFirstCountOfAClientConfirmsNothing) {
     EXPECT_EQ(seen(), Sent{"no acceleration"});
 }
 
+TEST_F(ExpiringHints, AnAccelerationThatEndsIsNotKnownAndNoWarning) {
+    EXPECT_EQ(put(kAccelCount, 0), kNone);
+    EXPECT_EQ(put(kAccelX, {5, 6, 7, 1}), kNone);
+    EXPECT_EQ(put(kPlcHeartbeat, 1), kNone) << "a sign of life makes no acceleration last longer";
+    EXPECT_EQ(put(kGripperForce, 250), kNone);
+    controls_->tick(kSecond + kSecond / 10);
+    EXPECT_EQ(seen(), Sent{"acceleration"});
+    EXPECT_EQ(cell(kAccelX), 5);
+    controls_->tick(kSecond + kSecond / 10 + 1);
+    EXPECT_EQ(seen(), Sent{"no acceleration"});
+    EXPECT_EQ(cell(kAccelX), kNoI16);
+    EXPECT_EQ(cell(kGripperForce), 250);
+    controls_->tick(10 * kSecond);
+    EXPECT_EQ(seen(), Sent{});
+    EXPECT_FALSE(controls_->watches_plc());
+    EXPECT_EQ(put(kPlcHeartbeat, 2, 10 * kSecond), kNone);
+    EXPECT_EQ(cell(kGripperForce), kNoU16) << "it expired with its client";
+    EXPECT_EQ(put(kPlcWatchdog, 10, 11 * kSecond), kNone);
+    EXPECT_EQ(put_at(kAccelX, {5, 6, 7, 1}, 11 * kSecond), kNone);
+    EXPECT_EQ(put_at(kAccelX, {5, 6, 7, 2}, 11 * kSecond), kNone);
+    controls_->tick(11 * kSecond + kSecond / 50);
+    EXPECT_EQ(seen(), (Sent{"acceleration", "no acceleration"})) << "its client is silent";
+}
+
+TEST_F(ExpiringHints, TheForceOfAClientIsNoneOfAnother) {
+    be(1);
+    EXPECT_EQ(put(kGripperForce, 250), kNone);
+    be(2);
+    EXPECT_EQ(cell(kGripperForce), kNoU16);
+}
+
+TEST_F(ExpiringHints, NoAccelerationHasAxesOfTwo) {
+    EXPECT_EQ(put(kAccelX, {5, 6, 7, 1}), kNone);
+    EXPECT_EQ(put(kAccelX, 500), kNone);
+    EXPECT_EQ(put(kAccelCount, 2), kNone);
+    EXPECT_EQ(seen(), Sent{}) << "Y and Z are those of the one before";
+    EXPECT_EQ(put_at(kAccelX + 1, {8, 9, 3}, 10 * kSecond), kNone);
+    EXPECT_EQ(put_at(kAccelX + 1, {8, 9, 4}, 10 * kSecond), kNone);
+    EXPECT_EQ(seen(), Sent{}) << "X is from before a silence";
+    EXPECT_EQ(put_at(kAccelX, {7, 8, 9, 5}, 10 * kSecond), kNone);
+    EXPECT_EQ(seen(), Sent{"acceleration"});
+    EXPECT_EQ(put_at(kAccelX, {7, 8, 9, 6}, 20 * kSecond), kNone)
+        << "it may have waited for as long as its client was silent";
+    EXPECT_EQ(seen(), Sent{"no acceleration"});
+}
+
 // ---- one write in each cycle -------------------------------------------------------------------------------------------
 
 TEST_F(HintsTest, OneWriteOfACycleIsThatOfItsSingleRegisters) {
