@@ -12,8 +12,9 @@ using namespace modbus;
 constexpr char kDeclaration[] =
     R"((* Joins the pages of an array, one instance for each array. To begin, read {head} registers from {heads} + {head} n, n = 0 for
    the first sensor, into HEAD_REGS and call it with HEAD_READ. While BUSY, read {page} registers from PAGE_AT into PAGE_REGS
-   and call it with PAGE_READ and PAGE_FROM, the address that this read was requested with. With neither in all other calls, also after an exception: begin again then. Call it in every
-   cycle, and use VALUES while OK: they are of one snapshot, those of a taxel together, -32768 without a force.
+   and call it with PAGE_READ and PAGE_FROM, the address that this read was requested with. All other calls have neither. After
+   an exception, begin again. Call it in every cycle, and use VALUES while OK: they are of one snapshot, those of a taxel
+   together, -32768 without a force.
 
    The pages are those of the array whose head was read last on this connection: read one array after the other. *)
 TYPE T_TACTILED_HEAD_REGS : ARRAY[0..{last_of_head}] OF WORD;

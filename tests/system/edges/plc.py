@@ -81,4 +81,4 @@ class PlcTool(Plc):
         self.second.call(WRENCH=pieces["WRENCH"])
 
     def value(self):
-        return (self.second.value("FZ_N"), None)
+        return (self.second.value("FZ_N"), self.told(self.second.value("FZ_N")))
