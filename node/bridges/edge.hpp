@@ -109,13 +109,13 @@ std::uint32_t weight_quality(const tactiled_grasp& grasp, std::uint32_t worst_of
 std::uint32_t worse(std::uint32_t a, std::uint32_t b);
 // Returns the worst quality of the samples, and BAD without samples.
 std::uint32_t worst_quality(std::span<const tactiled_sample> samples);
-// Returns that of all sensors, judged now.
+// Returns the worst quality of all sensors of the segment, judged now.
 std::uint32_t worst_quality(const SegmentView& segment);
 
 // Returns the time, CLOCK_MONOTONIC, at which a reader of the segment would call this sample BAD if the daemon published no
 // other one.
 std::uint64_t valid_until_ns(const SegmentView& segment, std::uint32_t sensor, const tactiled_sample& sample);
-// Returns that of the grasp and the tool of a node record.
+// Returns the time, CLOCK_MONOTONIC, at which a reader would call the grasp and the tool of this node record BAD.
 std::uint64_t valid_until_ns(const SegmentView& segment, const tactiled_node& node);
 
 }  // namespace tactiled::bridges

@@ -98,9 +98,7 @@ public:
                 fmt::print(stderr,
                            "tactiled-mqtt: the broker refuses MQTT 5: by 3.1.1, which has no expiry, no state is "
                            "retained, and a late subscriber waits for the next message\n");
-            const std::uint32_t connections = broker_.connections();
-            if (std::exchange(connections_, connections) != connections) greet();
-            if (precedence_.hear(broker_.take_heard())) greet();
+            listen();
             for (Sensor& sensor : sensors_) publish(sensor);
             publish_node();
             counts_.dropped += broker_.take_lost();
@@ -114,8 +112,18 @@ public:
     }
 
 private:
+    // Finds out whether this bridge may send, which it may not from the begin of a connection on.
+    void listen() {
+        const std::uint64_t now_ns = monotonic_ns();
+        const std::uint32_t connection = broker_.connection();
+        if (std::exchange(connection_, connection) != connection) precedence_.listen(now_ns);
+        const std::string heard = broker_.take_heard();
+        if (!heard.empty()) state_.sent_ns = 0;  // the last will of another bridge may be there in place of this state
+        if (precedence_.hear(heard, now_ns)) greet();
+    }
+
     [[nodiscard]] std::string said() const {
-        return precedence_.is_silent()
+        return precedence_.gives_way()
                    ? "silent, because another bridge sends below " + topics_.prefix + "/" + topics_.node +
                          ": give one of the nodes another name, or one of the bridges another --prefix"
                    : broker_.state();
@@ -157,11 +165,11 @@ private:
     // value that an earlier version retained without an end, or that the last will says for ever.
     void begin(Renewed& renewed) {
         renewed.sent_ns = 0;
-        if (!broker_.is_connected() || precedence_.is_silent() || renewed.cleared_after == connections_) return;
-        if (broker_.publish(renewed.topic, "", Keep::kForever)) renewed.cleared_after = connections_;
+        if (!broker_.is_connected() || precedence_.is_silent() || renewed.cleared_after == connection_) return;
+        if (broker_.publish(renewed.topic, "", Keep::kForever)) renewed.cleared_after = connection_;
     }
 
-    // Makes all messages due again, for a broker that has just been connected.
+    // Makes all messages due again, for a broker that may have none of them.
     void greet() {
         for (Renewed* renewed : {&state_, &grasp_, &weight_}) begin(*renewed);
         for (Sensor& sensor : sensors_) begin(sensor.quality);
@@ -251,7 +259,7 @@ private:
     Renewed state_, grasp_, weight_;
     Pace tool_pace_;
     std::uint64_t structure_ = 0, looked_ns_ = 0, tool_t_ns_ = 0;
-    std::uint32_t connections_ = 0, tool_quality_ = TACTILED_NO_VALUE;
+    std::uint32_t connection_ = 0, tool_quality_ = TACTILED_NO_VALUE;
     bool alive_ = false, has_grasp_ = false, has_tool_ = false;
     Counts counts_;
     Report report_{"tactiled-mqtt"};

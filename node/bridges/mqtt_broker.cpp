@@ -8,6 +8,7 @@
 #include <sys/socket.h>
 
 #include <chrono>
+#include <string_view>
 #include <thread>
 #include <utility>
 
@@ -27,7 +28,7 @@ void require(int result, const char* what) {
 
 Broker::Broker(const BrokerOptions& options, const std::string& client_id, const std::string& will_topic,
                const std::string& will_text, std::uint32_t expiry_s)
-    : options_(options), expiry_s_(expiry_s), will_topic_(will_topic) {
+    : options_(options), expiry_s_(expiry_s), client_id_(client_id), will_topic_(will_topic) {
     mosquitto_lib_init();
     client_ = mosquitto_new(client_id.c_str(), true, this);
     if (client_ == nullptr) throw SetupError("MQTT: the client could not be made");
@@ -73,10 +74,13 @@ void Broker::set_callbacks() {
     });
     mosquitto_message_callback_set(client_, [](mosquitto*, void* self, const mosquitto_message* message) {
         auto& broker = *static_cast<Broker*>(self);
-        if (message->retain || message->payloadlen <= 0) return;
+        const std::string_view text(static_cast<const char*>(message->payload), std::size_t(message->payloadlen));
+        if (text.empty() || text.find(broker.client_id_) != text.npos) return;  // 3.1.1 sends a client its own messages
         const std::lock_guard lock(broker.mutex_);
-        broker.heard_.assign(static_cast<const char*>(message->payload), std::size_t(message->payloadlen));
+        broker.heard_ = text;
     });
+    mosquitto_subscribe_callback_set(
+        client_, [](mosquitto*, void* self, int, int, const int*) { static_cast<Broker*>(self)->on_subscription(); });
     mosquitto_publish_callback_set(client_, [](mosquitto*, void* self, int) {
         static_cast<Broker*>(self)->waiting_.fetch_sub(1, std::memory_order_relaxed);
     });
@@ -92,10 +96,6 @@ void Broker::on_connection(int code) {
             mosquitto_subscribe_v5(client_, nullptr, will_topic_.c_str(), 0, MQTT_SUB_OPT_NO_LOCAL, nullptr);
         else
             mosquitto_subscribe(client_, nullptr, will_topic_.c_str(), 0);
-        set_state(version_5 ? "connected" : "connected by MQTT 3.1.1: no state is retained");
-        waiting_.store(0, std::memory_order_relaxed);
-        connections_.fetch_add(1, std::memory_order_release);
-        connected_.store(true, std::memory_order_release);
         return;
     }
     // 1: the answer of a broker of 3.1.1, in its own form.
@@ -105,6 +105,14 @@ void Broker::on_connection(int code) {
         return;
     }
     set_state(fmt::format("refused: {}", version_5 ? mosquitto_reason_string(code) : mosquitto_connack_string(code)));
+}
+
+// The connection begins for the caller when the broker sends it the messages of others.
+void Broker::on_subscription() {
+    set_state(version_5_.load(std::memory_order_relaxed) ? "connected" : "connected by MQTT 3.1.1: no state is retained");
+    waiting_.store(0, std::memory_order_relaxed);
+    connections_.fetch_add(1, std::memory_order_release);
+    connected_.store(true, std::memory_order_release);
 }
 
 void Broker::begin() {
@@ -130,7 +138,7 @@ bool Broker::choose_version() {
         return true;
     }
     // A broker that refuses 5 and drops connections of 3.1.1 is asked no more often than one that is away.
-    if (ended_3_1_1_.load(std::memory_order_acquire) && !is_connected() &&
+    if (ended_3_1_1_.load(std::memory_order_acquire) && !connected_.load(std::memory_order_acquire) &&
         std::chrono::steady_clock::now() - chosen_ >= std::chrono::seconds(kFirstRetryS)) {
         ended_3_1_1_.store(false, std::memory_order_relaxed);
         begin_again(true);

@@ -34,9 +34,12 @@ public:
     Broker(const Broker&) = delete;
     Broker& operator=(const Broker&) = delete;
 
-    [[nodiscard]] bool is_connected() const { return connected_.load(std::memory_order_acquire); }
-    // Counts connections: another number, and retained messages are due again.
-    [[nodiscard]] std::uint32_t connections() const { return connections_.load(std::memory_order_acquire); }
+    // Returns the number of the newest connection. Messages are sent over a connection only after this call, so that the
+    // caller knows each connection before it sends.
+    std::uint32_t connection() { return known_ = connections_.load(std::memory_order_acquire); }
+    [[nodiscard]] bool is_connected() const {
+        return connected_.load(std::memory_order_acquire) && connections_.load(std::memory_order_relaxed) == known_;
+    }
     // For a person.
     [[nodiscard]] std::string state() const;
     // Changes to MQTT 3.1.1 where the broker has refused 5, and back to 5 where a connection of 3.1.1 has ended: another
@@ -44,7 +47,8 @@ public:
     bool choose_version();
     // False: dropped, because there is no connection, or the broker takes nothing. Never blocks for the network.
     bool publish(const std::string& topic, const std::string& text, Keep keep);
-    // The newest message that came to will_topic since the last call, also of this client itself; "": none.
+    // The newest message without the id of this client that came to will_topic since the last call, a retained one, too;
+    // "": none.
     std::string take_heard();
     // Messages that were handed over and lost with a connection, since the last call.
     std::uint64_t take_lost() { return lost_.exchange(0, std::memory_order_relaxed); }
@@ -55,6 +59,7 @@ private:
     void set_state(const std::string& text);
     void set_callbacks();
     void on_connection(int code);
+    void on_subscription();
     void begin();
     void begin_again(bool version_5);
 
@@ -70,7 +75,8 @@ private:
     std::atomic<std::uint32_t> connections_{0};
     std::atomic<std::int64_t> waiting_{0};
     std::atomic<std::uint64_t> lost_{0};
-    const std::string will_topic_;
+    std::uint32_t known_ = 0;  // the connection that the caller knows
+    const std::string client_id_, will_topic_;
     mutable std::mutex mutex_;  // guards the following
     std::string state_ = "not connected", heard_;
 };

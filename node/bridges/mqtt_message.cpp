@@ -2,11 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <random>
 #include <sstream>
 #include <tuple>
+#include <utility>
 
 #include "node/bridges/edge.hpp"
 #include "node/ctl/grasp_text.hpp"
@@ -139,11 +141,21 @@ Precedence::Precedence(const std::string& node) {
     mine_ = {fmt::format("tactiled-mqtt-{}-{:08x}", node, random()), wall_s(monotonic_ns())};
 }
 
-bool Precedence::hear(const std::string& text) {
-    const std::uint64_t now_ns = monotonic_ns();
-    if (!text.empty() && gives_way(mine_, sender_of(text))) until_ns_ = now_ns + kExpiryS * 1'000'000'000ull;
-    const bool was_silent = std::exchange(silent_, now_ns < until_ns_);
-    return was_silent && !silent_;
+void Precedence::be_silent_until(std::uint64_t until_ns) {
+    until_ns_ = std::max(until_ns_, until_ns);
+    silent_ = true;
+}
+
+void Precedence::listen(std::uint64_t now_ns) { be_silent_until(now_ns + kListenNs); }
+
+bool Precedence::hear(const std::string& text, std::uint64_t now_ns) {
+    if (bridges::mqtt::gives_way(mine_, sender_of(text))) {
+        gives_way_ = true;
+        be_silent_until(now_ns + kExpiryS * 1'000'000'000ull);
+    }
+    if (now_ns < until_ns_) return false;
+    gives_way_ = false;
+    return std::exchange(silent_, false);
 }
 
 std::string last_will_text() {

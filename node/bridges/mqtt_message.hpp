@@ -35,19 +35,29 @@ Sender sender_of(const std::string& text);
 // True if both send below one topic, and `mine` has to be silent: the one that was there first goes on.
 bool gives_way(const Sender& mine, const Sender& other);
 
-// Keeps a bridge silent while another one, which was there first, says each 0.5 s that it sends below the same topic.
+// Keeps a bridge silent while another one, which was there first, says each 0.5 s that it sends below the same topic, and
+// at the begin of a connection until it would have heard that. Times are of CLOCK_MONOTONIC.
 class Precedence {
 public:
     explicit Precedence(const std::string& node);
     [[nodiscard]] const Sender& mine() const { return mine_; }
-    // `text`: a state that has come to the topic, or "". True: this bridge may send again.
-    bool hear(const std::string& text);
+    // A connection has begun. The bridge is silent for kListenNs.
+    void listen(std::uint64_t now_ns);
+    // `text`: a state that has come to the topic, or "". True: this bridge may send from now on.
+    bool hear(const std::string& text, std::uint64_t now_ns);
     [[nodiscard]] bool is_silent() const { return silent_; }
+    // True while the bridge is silent because of another one.
+    [[nodiscard]] bool gives_way() const { return gives_way_; }
+
+    // Two states of a bridge that sends are due within this time, so that one of them may be lost.
+    static constexpr std::uint64_t kListenNs = 2 * kRenewNs;
 
 private:
+    void be_silent_until(std::uint64_t until_ns);
+
     Sender mine_;
     std::uint64_t until_ns_ = 0;
-    bool silent_ = false;
+    bool silent_ = true, gives_way_ = false;
 };
 
 // The samples of one sensor since its last message: the newest, how many there were, and how many of them were BAD.

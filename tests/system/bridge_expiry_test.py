@@ -2,6 +2,7 @@
 """tactiled-mqtt before a real mosquitto and a model of Home Assistant: UNCERTAIN is marked, and nothing looks healthy 2 s after the end of
 the bridge, the daemon or the sensor, with MQTT 5 and with 3.1.1."""
 import pathlib
+import re
 import shutil
 import signal
 import socket
@@ -14,7 +15,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from bridge_process import bridge  # noqa: E402
 from daemon import Stopwatch, halt, wait_for  # noqa: E402
 from home_assistant import HomeAssistant  # noqa: E402
-from mqtt_clients import EXPIRY_S, MqttTest, OldBroker  # noqa: E402
+from mqtt_clients import EXPIRY_S, Broker, MqttTest, OldBroker  # noqa: E402
 from unit_daemon import CALIBRATION, quality_is, unit_daemon  # noqa: E402
 
 
@@ -107,7 +108,7 @@ class Expiry(MqttTest):
             connection = listener.accept()[0]
             self.addCleanup(connection.close)
             self.assertIn(b"MQTT", connection.recv(4096))
-            connection.sendall(b"\x20\x03\x00\x00\x00")  # CONNACK, and nothing is read from now on
+            connection.sendall(b"\x20\x03\x00\x00\x00" b"\x90\x04\x00\x01\x00\x00")  # CONNACK and SUBACK, and nothing is read from now on
             with Stopwatch() as watch:
                 wait_for(lambda: "not connected: " in server.log(), "the end of the connection")
                 self.assertLess(watch.seconds(), 10)
@@ -125,6 +126,44 @@ class Expiry(MqttTest):
         first.kill()
         subscriber.until(lambda _, message: message["online"] and message["bridge"] != senders[0])
         self.subscriber().until(self.is_good)
+
+    def test_a_later_bridge_sends_nothing_before_it_hears_the_first_one(self):
+        """By the log of the broker, at its start and after a broker that was away for longer than it remembers the first one."""
+        for is_old in (False, True):
+            with self.subTest(is_old=is_old):
+                broker = Broker(self.daemon.folder, "allow_anonymous true", "log_type all")
+                relay = OldBroker(broker.port, "3.1.1")
+                relay.is_old = is_old
+                first = self.bridge(port=broker.port)
+                self.subscriber(port=broker.port).until(self.is_good)
+                second = self.bridge(port=relay.port)
+                wait_for(lambda: second.log().count("silent, because another bridge") == 1, "the message")
+                relay.is_away = True
+                relay.cut()
+                wait_for(lambda: "not connected" in second.log().rpartition("silent")[2], "the end of the silence")
+                relay.is_away = False
+                wait_for(lambda: second.log().count("silent, because another bridge") == 2, "the message after the connection")
+                second.kill()
+                log = broker.process.log()
+                self.assertEqual(len(set(re.findall(r" as (tactiled-mqtt-\S+)", log))), 2)
+                senders = re.findall(r"Received PUBLISH from (\S+) ", log)
+                self.assertEqual({sender: senders.count(sender) for sender in senders if sender != senders[0]}, {})
+                for end in (first.kill, relay.close, broker.process.__exit__):
+                    end()
+
+    def test_the_last_will_of_another_bridge_is_replaced_at_once(self):
+        """The will of a later bridge, which was silent, says "online": false in the topic of the first one. By turns it would last up to 0.5 s."""
+        self.bridge()
+        subscriber, turns = self.subscriber(f"{self.node}/state"), 20
+        subscriber.until(lambda _, message: message["online"])
+        with Stopwatch() as watch:
+            for _ in range(turns):
+                subprocess.run(["mosquitto_pub", "-p", str(self.broker.port), "-r", "-t", f"{self.node}/state", "-m", '{"online":false}'], check=True)
+                subscriber.until(lambda _, message: not message["online"])
+                subscriber.until(lambda _, message: message["online"])
+            took_s = watch.seconds()
+        print(f"\nlast will of another bridge until the state, ms: {1000 * took_s / turns:.0f}")
+        self.assertLess(took_s, turns * 0.5 / 2)
 
     def test_the_retained_values_of_an_earlier_version_end_with_the_first_connection(self):
         old = {f"{self.node}/left/quality": '{"schema":1,"quality":"good"}', f"{self.node}/grasp": '{"schema":1,"quality":"good","state":"holding"}',

@@ -46,7 +46,7 @@ class OldBroker:
     ANSWERS = {"3.1.1": b"\x20\x02\x00\x01", "5": b"\x20\x03\x00\x84\x00"}
 
     def __init__(self, port, answer):
-        self.to, self.refused, self.answer, self.is_old, self.sockets = port, 0, self.ANSWERS[answer], True, []
+        self.to, self.refused, self.answer, self.is_old, self.is_away, self.sockets = port, 0, self.ANSWERS[answer], True, False, []
         self.listener = socket.create_server(("127.0.0.1", 0))
         self.port = self.listener.getsockname()[1]
         threading.Thread(target=self.accept, daemon=True).start()
@@ -58,6 +58,9 @@ class OldBroker:
 
     def serve(self, client):
         first = client.recv(4096)
+        if self.is_away:
+            client.close()
+            return
         self.sockets.append(client)
         if self.is_old and first[first.index(b"MQTT") + 4] != 4:
             self.refused += 1
@@ -81,6 +84,10 @@ class OldBroker:
     def renew(self):
         """From now on a broker that speaks MQTT 5 answers at this port; the connections end."""
         self.is_old = False
+        self.cut()
+
+    def cut(self):
+        """The connections end."""
         for each in self.sockets:
             with contextlib.suppress(OSError):
                 each.shutdown(socket.SHUT_RDWR)

@@ -54,17 +54,23 @@ class PrometheusTool(Prometheus):
 
 
 class PrometheusStates(Prometheus):
-    """The series of the states of weight and gripper. A state looks healthy unless its series says that it is not."""
-    name, needs, metric = "Prometheus, state of the weight", Prometheus.needs - {"sensor"}, "tactiled_weight_state"
-    healthy = "stable"
+    """The rows of the dashboard's table of states. A state looks healthy unless the quality in its row says that it is not. Its time is that
+    of the number of the same scrape."""
+    name, needs, metric, number = "Prometheus, state of the weight", Prometheus.needs - {"sensor"}, "tactiled_weight_state", "tactiled_weight_kilograms"
+    healthy, rows = "stable", panel("Weight and its doubts now")[0]
 
     def look(self):
-        found = self.ask(f'{self.metric}{{state="{self.healthy}",quality!~"uncertain|bad"}} == 1')
-        return (self.healthy, None) if found else None
+        series = [(dict(labels), value) for labels, value in self.ask(f"{self.rows} or {self.number}").items()]
+        qualities = [labels.get("quality") for labels, _ in series if (labels["__name__"], labels.get("state")) == (self.metric, self.healthy)]
+        if all(quality in ("uncertain", "bad") for quality in qualities):
+            return None
+        return (self.healthy, self.told(min((value for labels, value in series if labels["__name__"] == self.number), default=math.nan)))
 
 
 class PrometheusGrasp(PrometheusStates):
-    name, metric, healthy = "Prometheus, state of the gripper", "tactiled_grip_state", "holding"
+    """A query of a user: the dashboard does not show this state."""
+    name, metric, number = "Prometheus, state of the gripper", "tactiled_grip_state", "tactiled_grip_newtons"
+    healthy, rows = "holding", "tactiled_grip_state == 1"
 
 
 class Rules(Prometheus):

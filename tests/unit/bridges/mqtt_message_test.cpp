@@ -53,6 +53,31 @@ TEST(MqttMessage, TheLaterOneOfTwoSendersGivesWay) {
         EXPECT_FALSE(gives_way(later, sender_of(rubbish))) << rubbish;
 }
 
+TEST(MqttMessage, ABridgeSendsWhenItWouldHaveHeardAnEarlierOne) {
+    constexpr std::uint64_t kStart = 5'000'000'000, kListen = Precedence::kListenNs, kExpiry = kExpiryS * 1'000'000'000ull;
+    const std::string first = R"({"online":true,"bridge":"b","since_s":1})";
+    Precedence precedence("gripper");
+    EXPECT_TRUE(precedence.is_silent());
+    precedence.listen(kStart);
+    EXPECT_FALSE(precedence.hear("", kStart + kListen - 1));
+    EXPECT_TRUE(precedence.is_silent());
+    EXPECT_FALSE(precedence.gives_way());
+    EXPECT_TRUE(precedence.hear(last_will_text(), kStart + kListen));
+    EXPECT_FALSE(precedence.is_silent());
+    EXPECT_FALSE(precedence.hear("", kStart + kListen + 1)) << "it has sent before";
+
+    const std::uint64_t again = kStart + 2 * kListen;
+    precedence.listen(again);
+    EXPECT_TRUE(precedence.is_silent());
+    EXPECT_FALSE(precedence.hear(first, again + 1));
+    EXPECT_FALSE(precedence.hear("", again + kExpiry));
+    EXPECT_TRUE(precedence.gives_way());
+    precedence.listen(again + kExpiry);  // a connection that begins as the other one ends
+    EXPECT_FALSE(precedence.hear("", again + kExpiry + 1));
+    EXPECT_TRUE(precedence.hear("", again + kExpiry + kListen));
+    EXPECT_FALSE(precedence.gives_way());
+}
+
 TEST(MqttMessage, AGraspThatIsNotKnownHasNoWeight) {
     tactiled_grasp grasp{};
     tactiled_forget_grasp(&grasp);
