@@ -247,7 +247,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     for (std::size_t i = 1; i < all_fitted.size(); ++i) calibration.others.push_back(all_fitted[i]->calibration);
     const Validation& validation = all_fitted.front()->validation;
     report.held_out = validation.rows;
-    report.ways = validation.tried;
+    report.ways = all_fitted.front()->ways;
     report.crosstalk = crosstalk(report.held_out, calibration);
     const Wrench fitted = rms_error(calibration, rows);
     // The channels of a sensor that does not measure a lasting load (piezo) depend on the past, so that any
@@ -269,7 +269,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     // Remounting changes the zero, and the readings contain the change until a tare.
     if (report.zeros.own)
         for (double* limit : {&calibration.joint_domain.limit, &calibration.joint_domain.curved.limit}) *limit *= 2;
-    if (!remembers) set_zero_age(rows, report.zeros, calibration, report.warnings);
+    report.drift_measured = !remembers && set_zero_age(rows, report.zeros, calibration, report.warnings);
     calibration.temperature = std::move(temperature);
     for (auto& component : report.components) {
         const std::size_t c = component_index(component.name);

@@ -57,6 +57,13 @@ struct MethodReport {
     double seconds = 0;                // for the fit and its validation
 };
 
+// A way to hold rows out. refused: why it was not possible, "" = it was
+struct Way {
+    std::string how;      // as in Calibration::validation
+    double error = kNaN;  // relative to full scale, as a mean over the components
+    std::string refused;
+};
+
 // A label that the method cannot explain although it explains the rows around it.
 struct Suspect {
     const LabelledRow* row;
@@ -88,9 +95,10 @@ struct FitReport {
     std::vector<HeldOut> held_out;      // from the calibration's own method
     std::vector<Suspect> suspects;      // in the order of the file
     SessionZeros zeros;
-    // The ways to hold rows out that were tried, with their error relative to full scale, as a mean over the components;
-    // `held_out` and the standard deviations are those of the largest.
-    std::vector<std::pair<std::string, double>> ways;
+    bool drift_measured = false;  // false: no session has times over a minute, so that a drift of the zero would not show
+    // The ways to hold rows out; `held_out` is from the one with the largest error, and each component has the error and the
+    // standard deviation of the way in which its own is largest.
+    std::vector<Way> ways;
     // Slope of the estimated component [i] over the applied one [j] on held-out rows, both relative to full scale, by
     // least squares over all applied components: perfect would be 1 on the diagonal and 0 elsewhere. NaN where
     // unknown.

@@ -52,13 +52,19 @@ Groups groups_of_poses(const Rows& rows) {
     return groups;
 }
 
-// Uses the times of the rows, if the file has them: rows that were shuffled would amount to random rows.
-Groups groups_of_stretches(const Rows& rows) {
-    Groups groups;
+// Returns the indices of the rows by their times, or as in the file where these are equal.
+std::vector<std::size_t> in_time(const Rows& rows) {
     std::vector<std::size_t> by_time(rows.size());
     std::iota(by_time.begin(), by_time.end(), std::size_t{0});
     std::stable_sort(by_time.begin(), by_time.end(),
                      [&](std::size_t a, std::size_t b) { return rows[a]->t_ns < rows[b]->t_ns; });
+    return by_time;
+}
+
+// Uses the times of the rows, if the file has them: rows that were shuffled would amount to random rows.
+Groups groups_of_stretches(const Rows& rows) {
+    Groups groups;
+    const std::vector<std::size_t> by_time = in_time(rows);
     groups.of_row.resize(rows.size());
     for (std::size_t i = 0; i < rows.size(); ++i) groups.of_row[by_time[i]] = i * kStretches / rows.size();
     for (std::size_t i = 0; i < kStretches; ++i)
@@ -67,27 +73,35 @@ Groups groups_of_stretches(const Rows& rows) {
     return groups;
 }
 
-// The last third of the time, or of three sessions and more. No row in use comes before the calibration, and what drifts is
-// farther off then than between the rows.
-Groups groups_in_time(const Labelled& labelled, const Rows& rows) {
-    constexpr std::size_t kThirds = 3;
-    std::vector<std::size_t> by_time(rows.size());
-    std::iota(by_time.begin(), by_time.end(), std::size_t{0});
-    std::stable_sort(by_time.begin(), by_time.end(), [&](std::size_t a, std::size_t b) {
-        return std::pair(rows[a]->session, rows[a]->t_ns) < std::pair(rows[b]->session, rows[b]->t_ns);
-    });
-    const bool by_sessions = labelled.sessions.size() >= kThirds;
-    Groups groups{
-        .of_row = std::vector<std::size_t>(rows.size()),
-        .names = {"", "the last third of the time"},
-        .validation = by_sessions ? "leave the last third of the sessions out" : "leave the last third of the time out",
-        .are_sessions = by_sessions,
-        .are_in_time = true};
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-        const std::size_t third =
-            by_sessions ? rows[by_time[i]]->session * kThirds / labelled.sessions.size() : i * kThirds / rows.size();
-        groups.of_row[by_time[i]] = third + 1 == kThirds ? 1 : 0;
+// Returns the sessions that occur, in the order of the file.
+std::vector<std::size_t> sessions_of(const Rows& rows) {
+    std::vector<std::size_t> sessions;
+    for (const auto* row : rows)
+        if (std::find(sessions.begin(), sessions.end(), row->session) == sessions.end()) sessions.push_back(row->session);
+    return sessions;
+}
+
+// The last third of the rows in time, or of three sessions and more. No row in use comes before the calibration, and what
+// drifts is farther off then than between the rows.
+Groups groups_in_time(const Rows& rows, const std::vector<std::size_t>& sessions) {
+    const auto first_of = [](std::size_t n) { return n - (n + 2) / 3; };
+    Groups groups;
+    groups.of_row.resize(rows.size());
+    groups.are_in_time = true;
+    if (sessions.size() > 2) {
+        for (std::size_t i = 0; i < rows.size(); ++i) {
+            const auto at = std::find(sessions.begin(), sessions.end(), rows[i]->session) - sessions.begin();
+            groups.of_row[i] = std::size_t(at) >= first_of(sessions.size()) ? 1 : 0;
+        }
+        groups.are_sessions = true;
+        groups.names = {"", "the last third of the sessions"};
+    } else {
+        const std::vector<std::size_t> by_time = in_time(rows);
+        for (std::size_t i = first_of(rows.size()); i < rows.size(); ++i) groups.of_row[by_time[i]] = 1;
+        const bool has_times = rows[by_time.front()]->t_ns != rows[by_time.back()]->t_ns;
+        groups.names = {"", has_times ? "the last third of the time" : "the last third of the rows"};
     }
+    groups.validation = fmt::format("leave {} out", groups.names[1]);
     return groups;
 }
 
@@ -147,8 +161,8 @@ std::vector<Groups> ways_to_hold_out(const Labelled& labelled, const Rows& rows,
             if (Groups poses = groups_of_poses(rows); !poses.names.empty()) ways.push_back(std::move(poses));
         ways.push_back(groups_of_stretches(rows));
     }
-    // Two sessions left out in turn are that already.
-    if (labelled.sessions.size() != 2) ways.push_back(groups_in_time(labelled, rows));
+    const std::vector<std::size_t> sessions = sessions_of(rows);  // two of them, left out in turn, are in time already
+    if (!rows.empty() && sessions.size() != 2) ways.push_back(groups_in_time(rows, sessions));
     if (remembers) return ways;
     if (Groups loads = groups_of_loads(rows); !loads.names.empty()) ways.push_back(std::move(loads));
     return ways;

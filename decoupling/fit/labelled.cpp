@@ -14,7 +14,7 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kMaxSessions = 1000, kSessionsOfFewRows = 20;
-constexpr double kLatest_s = 9e9;  // and the same before 0; below 2^64 in nanoseconds
+constexpr double kLatest_s = 9e9;  // the year 2255, and below 2^64 in nanoseconds; the same before 0
 
 // Returns the component that a column seems to contain, 6 if none: "fz", "Fz_mN", "mx_Nmm". A label that was used as
 // a channel would predict itself, and the calibration would seem perfect.
@@ -34,13 +34,20 @@ std::string no_channel(std::string_view column) {
                    [](char c) { return c >= 'A' && c <= 'Z' ? char(c - 'A' + 'a') : c; });
     const auto is = [&](std::initializer_list<std::string_view> words) {
         return std::any_of(words.begin(), words.end(), [&](std::string_view word) {
-            return name == word || (name.starts_with(word) && (name[word.size()] == '_' || name[word.size()] == ' '));
+            return name == word ||
+                   (name.starts_with(word) && std::string_view("_ .-/[(").find(name[word.size()]) != name.npos);
         });
     };
-    if (is({"time", "timestamp", "date", "datetime", "t_ms", "t_us", "t_ns", "seconds"}) || name == "t")
+    if (is({"time", "timestamp", "date", "datetime", "t_ms", "t_us", "t_ns", "seconds", "stamp"}) || name == "t")
         return "a time is called \"t_s\" and is in seconds";
-    if (is({"row", "index", "line", "sample"}) || name.starts_with("unnamed:")) return "a row number is no reading";
+    if (is({"row", "index", "line", "sample", "seq", "sequence", "frame", "id"}) || name.starts_with("unnamed:"))
+        return "a row number is no reading";
     if (is({"reference", "ground_truth", "label", "target"})) return "a reference would predict itself";
+    if (is({"temp", "temperature"})) return "the temperature of the sensor is called \"temperature_C\"";
+    if (is({"trial", "step", "phase", "contact", "run", "experiment"})) return "the course of an experiment is no reading";
+    if (is({"robot", "tcp", "pose", "position", "pos", "depth", "cmd", "command", "joint", "roll", "pitch", "yaw", "x", "y",
+            "z"}))
+        return "the place of a robot or of a press is no reading";
     if (is({"force", "weight", "torque", "moment"})) return "a label is called fx_N fy_N fz_N mx_Nm my_Nm or mz_Nm";
     return "";
 }
@@ -118,7 +125,10 @@ Labelled read_labelled(const std::string& path, const Selection& selection) {
             if (label[c]) row.wrench_S[c] = csv.number(*label[c]);
         if (temperature) row.temperature_C = csv.number(*temperature);
         labelled.rows.push_back(std::move(row));
-        t_s.push_back(time ? std::clamp(csv.number(*time), -kLatest_s, kLatest_s) : kNaN);
+        t_s.push_back(time ? csv.number(*time) : kNaN);
+        if (std::abs(t_s.back()) > kLatest_s)
+            csv.refuse(fmt::format("t_s is {:.4g} s, which is no time of these centuries: is it in ms, us or ns? Divide it",
+                                   t_s.back()));
         if (t_s.back() < earliest_s) earliest_s = t_s.back();
     }
     // Negative times are all moved by the same amount, because 0 means unknown.

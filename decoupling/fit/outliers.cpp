@@ -19,7 +19,7 @@ namespace {
 constexpr double kMaxShareLeftOut = 0.05;  // share of the loads; the limit is this or kMaxLeftOut loads
 constexpr std::size_t kMaxLeftOut = 3;
 constexpr std::size_t kSmallRecording = 2000;  // number of loads
-constexpr std::size_t kNamed = 5;              // rows that a report of ten lines has room for
+constexpr std::size_t kNamed = 5;              // loads that a report of ten lines has room for
 constexpr int kRounds = 6, kRoundsOfMany = 3;
 // A label with a smaller error is not a relevant mistake. The step is the smallest distance of two different labels: if
 // they are rounded, each may be off by half of it.
@@ -165,15 +165,19 @@ void report_suspects(const Labelled& labelled, const LabelsJudged& judged, FitRe
     }
     std::vector<Suspect> worst = judged.suspects;
     std::stable_sort(worst.begin(), worst.end(), [&](const Suspect& a, const Suspect& b) { return is_smaller(b, a); });
-    worst.resize(std::min(worst.size(), kNamed));
+    const auto of_one_load = [](const Suspect& a, const Suspect& b) {
+        return a.component == b.component && a.label == b.label && a.expected == b.expected;
+    };
+    worst.erase(std::unique(worst.begin(), worst.end(), of_one_load), worst.end());
+    const std::size_t loads = worst.size();
+    worst.resize(std::min(loads, kNamed));
     for (const Suspect& suspect : worst)
         report.warnings.push_back(
             fmt::format("  {}: {}:{}: {} is {:.4g}, its channels say {:.4g} {}{}", suspect.left_out ? "left out" : "kept",
                         labelled.name, suspect.row->line, label_column(suspect.component), suspect.label, suspect.expected,
                         unit_of(suspect.component), suspect.left_out || judged.too_many ? "" : ": apply this load again"));
-    if (worst.size() < judged.suspects.size())
-        report.warnings.push_back(
-            fmt::format("  and {} more: --json has all of them", judged.suspects.size() - worst.size()));
+    if (worst.size() < loads)
+        report.warnings.push_back(fmt::format("  and {} more loads: --json has all rows", loads - worst.size()));
     if (judged.too_many)
         report.warnings.push_back(fmt::format(
             "more rows disagree than mistyped labels would explain, so none is left out: is a session mounted otherwise, "

@@ -56,7 +56,8 @@ void say_zeros(const Labelled& labelled, const SessionZeros& zeros, const Calibr
 // ---- zero_age.cpp: how fast the zero drifts, and how far another session is from it ----
 
 // Sets zero_rate_per_h of a calibration with its sd, if the channels move more in half a session than noise and loads
-// explain, by a force of more than the sd in an hour; and zero_shift, if five sessions or more have zeros. setup
-void set_zero_age(const Rows& rows, const SessionZeros& zeros, Calibration& calibration, std::vector<std::string>& warnings);
+// explain, by a force of more than the sd in an hour; and zero_shift, if five sessions or more have zeros. Returns true if a
+// session is long enough to show a drift. setup
+bool set_zero_age(const Rows& rows, const SessionZeros& zeros, Calibration& calibration, std::vector<std::string>& warnings);
 
 }  // namespace tactiled

@@ -57,6 +57,29 @@ void include_tares(const Rows& rows, const SessionZeros& zeros, Trial& trial) {
             calibration.method, wider));
 }
 
+// Takes the error and the standard deviation of each component that has a larger error in this way to hold rows out.
+void take_larger(const Validation& way, Trial& trial) {
+    Calibration& calibration = trial.calibration;
+    Calibration other = calibration;
+    set_uncertainty(way, other, !trial.method->remembers);
+    const std::size_t n = calibration.components.size();
+    if (other.sd.size() != n || calibration.sd.size() != n) return;
+    for (std::size_t i = 0; i < n; ++i) {
+        const std::size_t c = component_index(calibration.components[i]);
+        if (!(way.rms[c] > trial.validation.rms[c])) continue;
+        trial.validation.rms[c] = way.rms[c];
+        trial.validation.rms_of_part[c] = way.rms_of_part[c];
+        for (const auto member :
+             {&Calibration::sd, &Calibration::sd_slope, &Calibration::sd_load, &Calibration::sd_unloading}) {
+            const std::vector<double>& from = other.*member;
+            std::vector<double>& to = calibration.*member;
+            if (from.empty() && to.empty()) continue;
+            to.resize(n);
+            to[i] = from.empty() ? 0 : from[i];
+        }
+    }
+}
+
 // Sets validation, standard deviations and their widening by tares.
 void validate_once(const Labelled& labelled, const Rows& rows, const ZeroDrift& drift, const FitReport& report,
                    Trial& trial) {
@@ -66,10 +89,13 @@ void validate_once(const Labelled& labelled, const Rows& rows, const ZeroDrift& 
     // again.
     Calibration start = method.remembers ? trial.start : calibration;
     if (method.remembers) set_domain(rows, start);
-    trial.validation = hold_out_worst({labelled, rows, method, start, drift}, trial.warnings);
+    std::vector<Validation> ways = hold_out_all_ways({labelled, rows, method, start, drift}, trial.ways, trial.warnings);
+    if (ways.empty()) ways.emplace_back();
+    for (Validation& way : ways) way.at_rest = errors_at_rest(calibration, rows);
+    trial.validation = ways.front();
     calibration.validation = trial.validation.how;
-    trial.validation.at_rest = errors_at_rest(calibration, rows);
     set_uncertainty(trial.validation, calibration, !method.remembers);
+    for (std::size_t i = 1; i < ways.size(); ++i) take_larger(ways[i], trial);
     // A search may have a larger error on all rows than on parts of them (mlp, by up to 1.6): the held-out errors
     // then describe other calibrations than this one.
     const Wrench own = rms_error(calibration, rows);

@@ -13,6 +13,7 @@ struct Trial {
     Calibration calibration;  // fitted to all rows that count
     std::vector<std::string> warnings;
     Validation validation;
+    std::vector<Way> ways;
     MethodReport about;
 };
 

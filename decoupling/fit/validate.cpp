@@ -261,36 +261,39 @@ Validation hold_out(const FitToValidate& of) {
     return {};
 }
 
-Validation hold_out_worst(const FitToValidate& of, std::vector<std::string>& warnings) {
-    std::string in_vain;
-    Validation worst;
-    std::vector<std::pair<std::string, double>> tried;
-    double largest = 0;
+std::vector<Validation> hold_out_all_ways(const FitToValidate& of, std::vector<Way>& tried,
+                                          std::vector<std::string>& warnings) {
+    std::vector<Validation> found;
+    tried.clear();
     for (const Groups& groups : ways_to_hold_out(of.labelled, of.rows, of.method.remembers)) {
-        if (groups.are_loads && !worst.how.empty()) break;
-        Validation found = hold_out_in(of, groups, in_vain);
-        if (found.how.empty()) continue;
-        const double error = mean_share(found.rms, of.whole);
-        tried.emplace_back(found.how, error);
-        if (groups.are_loads)
+        if (groups.are_loads && !found.empty()) break;
+        Way way{.how = groups.validation, .error = kNaN, .refused = ""};
+        Validation one = hold_out_in(of, groups, way.refused);
+        way.error = mean_share(one.rms, of.whole);
+        for (const std::string& component : of.whole.components)
+            if (way.refused.empty() && std::isnan(one.rms[component_index(component)]))
+                way.refused = fmt::format("no row that is left out has a label of {}", component);
+        if (groups.are_loads && way.refused.empty())
             warnings.push_back(
                 fmt::format("validated by loads: {}, so one load at a time was left out. Loads that were "
                             "applied one after the other share their zero; record every load once more, later",
-                            in_vain));
-        if (!worst.how.empty() && !(error > largest)) continue;
-        largest = error;
-        worst = std::move(found);
+                            tried.back().refused));
+        if (way.refused.empty()) found.push_back(std::move(one));
+        tried.push_back(std::move(way));
     }
-    worst.tried = std::move(tried);
-    if (worst.how.empty())
+    std::stable_sort(found.begin(), found.end(), [&](const Validation& a, const Validation& b) {
+        return mean_share(a.rms, of.whole) > mean_share(b.rms, of.whole);
+    });
+    const auto other = [&](const LabelledRow* row) { return row->session != of.rows.front()->session; };
+    if (found.empty())
         warnings.push_back(
             fmt::format("not validated, so no standard deviation: {}; record every load twice, or in a second "
                         "session",
-                        in_vain));
-    else if (of.labelled.sessions.size() < 2)
+                        tried.empty() ? "no rows" : tried.back().refused));
+    else if (std::none_of(of.rows.begin(), of.rows.end(), other))
         warnings.emplace_back(
             "one session only: the error after mounting the sensor again, or on another day, is not known");
-    return worst;
+    return found;
 }
 
 std::array<std::array<double, 6>, 6> crosstalk(const std::vector<HeldOut>& rows, const Calibration& calibration) {

@@ -35,8 +35,6 @@ struct Validation {
     std::vector<std::size_t> group;  // group of each of `rows`
     std::vector<bool> has_sd;        // false: the method states no standard deviation for such a reading
     bool by_sessions = false;        // each group is a session
-    // The ways that were tried, with their error relative to full scale, as a mean over the components.
-    std::vector<std::pair<std::string, double>> tried;
     // Mean error at rest of each session, by the fit of all rows, which a tare subtracts; empty = unknown.
     std::map<std::size_t, Wrench> at_rest;
     // The same rows with random zeros, if the user states a drift: the standard deviation then holds for these.
@@ -55,12 +53,14 @@ struct FitToValidate {
     const ZeroDrift& drift;
     const std::set<const LabelledRow*>* unused = nullptr;
 };
-// Returns the error relative to full scale, as a mean over the components.
+// Returns the error relative to full scale, as a mean over the components; NaN: one has none.
 double mean_share(const Wrench& error, const Calibration& calibration);
-// In the first of ways_to_hold_out() in which every part is determined.
+// Returns the validation in the first of ways_to_hold_out() in which every part is determined.
 Validation hold_out(const FitToValidate& of);
-// In the way with the largest error, because the next hour may differ as the worst part did.
-Validation hold_out_worst(const FitToValidate& of, std::vector<std::string>& warnings);
+// Returns the validations in all ways, the largest error first, because the next hour may differ as the worst part did. Adds
+// the ways to `tried`.
+std::vector<Validation> hold_out_all_ways(const FitToValidate& of, std::vector<Way>& tried,
+                                          std::vector<std::string>& warnings);
 
 // Sets sd and sd_slope of each component from its held-out errors: the largest of their 68.27 % quantile, their 95 %
 // quantile over 1.96 and, from 200 rows on, their 99 % quantile over 2.58; at least the root mean square of the worst

@@ -18,7 +18,6 @@ namespace {
 
 constexpr double kHour_s = 3600, kShortest_s = 60;  // creep after a touch is no drift; a minute outlasts most of it
 constexpr std::size_t kParts = 20;                  // in a session: their means depend little on each other
-constexpr double kSure = 3;                         // standard deviations: once in 1000 by chance
 constexpr std::size_t kSessions = 5;                // fewer do not show a standard deviation
 constexpr std::size_t kTried = 50;                  // rows on which a change of a channel is tried
 
@@ -68,13 +67,14 @@ std::vector<Unloaded> unloaded(const Calibration& calibration, const Rows& rows)
     return result;
 }
 
-// Returns the mean of each channel in each part of the session; of the rows at rest alone, where each part has some, because
-// loads leave hysteresis and curvature. Empty for a session that is too short, or has parts without rows.
-std::vector<Eigen::VectorXd> means_of_parts(const Unloaded& session, bool at_rest) {
+// The mean of each channel in each part of a session; NaN in a part without rows.
+using Means = std::vector<Eigen::VectorXd>;
+
+Means means_of_parts(const Unloaded& session, bool at_rest) {
     const auto [first, last] = std::minmax_element(session.t_h.begin(), session.t_h.end());
     const double begin_h = *first, length_h = *last - *first;
     if (length_h < kShortest_s / kHour_s) return {};
-    std::vector<Eigen::VectorXd> mean(kParts, Eigen::VectorXd::Zero(session.channel.cols()));
+    Means mean(kParts, Eigen::VectorXd::Zero(session.channel.cols()));
     std::array<double, kParts> n{};
     for (std::size_t i = 0; i < session.t_h.size(); ++i) {
         if (at_rest && !session.rests[i]) continue;
@@ -82,8 +82,6 @@ std::vector<Eigen::VectorXd> means_of_parts(const Unloaded& session, bool at_res
         ++n[part];
         mean[part] += session.channel.row(Eigen::Index(i)).transpose();
     }
-    if (std::find(n.begin(), n.end(), 0) != n.end())
-        return at_rest ? means_of_parts(session, false) : std::vector<Eigen::VectorXd>();
     for (std::size_t i = 0; i < kParts; ++i) mean[i] /= n[i];
     return mean;
 }
@@ -91,11 +89,42 @@ std::vector<Eigen::VectorXd> means_of_parts(const Unloaded& session, bool at_res
 // Changes of the channels over a time, each scaled to an hour.
 using Changes = std::vector<std::vector<double>>;
 
-void add_changes(const std::vector<Eigen::VectorXd>& mean, std::size_t lag, double hours, Changes& changes) {
+Changes changes_of(const Means& mean, std::size_t lag, double hours) {
+    Changes changes;
     for (std::size_t i = 0; i + lag < mean.size(); ++i) {
         const Eigen::VectorXd change = (mean[i + lag] - mean[i]) / hours;
-        changes.emplace_back(change.begin(), change.end());
+        if (change.allFinite()) changes.emplace_back(change.begin(), change.end());
     }
+    return changes;
+}
+
+// What half a session changes, and what neighbouring parts do, which scatter by noise and loads.
+struct Drift {
+    Changes far, near;
+};
+
+// From the rows at rest alone, where half a session has some at its ends, because loads leave hysteresis and curvature.
+Drift drift_of(const std::vector<Unloaded>& sessions) {
+    Drift all;
+    for (const Unloaded& session : sessions) {
+        const double hours = (session.t_h.back() - session.t_h.front()) / 2;
+        for (const bool at_rest : {true, false}) {
+            const Means mean = means_of_parts(session, at_rest);
+            const Changes far = changes_of(mean, kParts / 2, hours), near = changes_of(mean, 1, hours);
+            if (far.empty() || near.empty()) continue;
+            all.far.insert(all.far.end(), far.begin(), far.end());
+            all.near.insert(all.near.end(), near.begin(), near.end());
+            break;
+        }
+    }
+    return all;
+}
+
+// Returns the factor by which a mean of n squares exceeds that of all once in 1000 by chance: Wilson and Hilferty's quantile
+// of the chi-square distribution over n.
+double by_chance(double n) {
+    constexpr double kOnceIn1000 = 3.09;  // standard deviations
+    return std::pow(1 - 2 / (9 * n) + kOnceIn1000 * std::sqrt(2 / (9 * n)), 3);
 }
 
 // Returns what these changes of the channels do to each component: the root of the sum of their squared effects, which are
@@ -144,7 +173,7 @@ std::vector<double> moved_like(const Changes& sessions, const Calibration& calib
 
 }  // namespace
 
-void set_zero_age(const Rows& rows, const SessionZeros& zeros, Calibration& calibration,
+bool set_zero_age(const Rows& rows, const SessionZeros& zeros, Calibration& calibration,
                   std::vector<std::string>& warnings) {
     Changes offsets;
     for (const std::vector<double>& offset : zeros.offset)
@@ -154,32 +183,28 @@ void set_zero_age(const Rows& rows, const SessionZeros& zeros, Calibration& cali
         calibration.zero_shift = moved_like(offsets, calibration, rows);
         for (double& each : calibration.zero_shift) each *= std::sqrt(n / (n - 1) * (1 + 1 / n));
     }
-    if (calibration.sd.empty()) return;
-    // What half a session changes more than neighbouring parts do, which scatter by noise and loads.
-    Changes far, near;
-    for (const Unloaded& session : unloaded(calibration, rows)) {
-        const std::vector<Eigen::VectorXd> mean = means_of_parts(session, true);
-        const double hours = (session.t_h.back() - session.t_h.front()) / 2;
-        add_changes(mean, kParts / 2, hours, far);
-        add_changes(mean, 1, hours, near);
-    }
-    std::vector<double> seen = moved_like(far, calibration, rows);
-    const std::vector<double> scatter = moved_like(near, calibration, rows);
-    for (std::size_t c = 0; c < seen.size(); ++c) {
-        const double more = seen[c] * seen[c] - scatter[c] * scatter[c];
-        const double by_chance = kSure * std::sqrt(2 / double(far.size())) * scatter[c] * scatter[c];  // sd of a variance
-        seen[c] = more > by_chance ? std::sqrt(more) : 0;
-    }
-    for (std::size_t i = 0; i < seen.size(); ++i) {
-        if (!(seen[i] > calibration.sd[i])) continue;
+    if (calibration.sd.empty()) return false;
+    const Drift drift = drift_of(unloaded(calibration, rows));
+    if (drift.far.empty()) return false;
+    const double chance = by_chance(double(drift.far.size()));
+    const std::vector<double> far = moved_like(drift.far, calibration, rows),
+                              near = moved_like(drift.near, calibration, rows);
+    std::string drifts;
+    for (std::size_t i = 0; i < far.size(); ++i) {
+        const double seen = std::sqrt(std::max(0.0, far[i] * far[i] - near[i] * near[i]));
+        if (!(far[i] * far[i] > chance * near[i] * near[i]) || !(seen > calibration.sd[i])) continue;
         if (calibration.zero_rate_per_h.empty()) calibration.zero_rate_per_h = calibration.sd;
-        calibration.zero_rate_per_h[i] = seen[i];
+        calibration.zero_rate_per_h[i] = seen;
         const bool is_force = component_index(calibration.components[i]) < 3;
-        warnings.push_back(
-            fmt::format("{}: the zero drifted by {:.2g} {} per hour (zero_rate_per_h); the daemon's standard "
-                        "deviation grows as fast: tare or unload the sensor often",
-                        calibration.components[i], seen[i], is_force ? "N" : "Nm"));
+        drifts += fmt::format("{} {} by {:.2g} {}", drifts.empty() ? "" : ",", calibration.components[i], seen,
+                              is_force ? "N" : "Nm");
     }
+    if (!drifts.empty())
+        warnings.insert(warnings.begin(),
+                        fmt::format("the zero drifted in an hour (zero_rate_per_h):{}; the daemon's standard "
+                                    "deviation grows as fast: tare or unload the sensor often",
+                                    drifts));
+    return true;
 }
 
 }  // namespace tactiled

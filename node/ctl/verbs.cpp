@@ -39,7 +39,7 @@ constexpr Verb kVerbs[] = {
      "Finds errors of [grasp] in a guided grasp of a known weight, and prints the lines that are right",
      "  tactilectl grasp-check 0.250     with an object of 250 g\n"},
     {"map", add_map, "The Modbus register map",
-     "  tactilectl map --format csv > map.csv\n  tactilectl map --format st --sensors 2 > tactiled.st\n"},
+     "  tactilectl map --format csv > map.csv\n  tactilectl map --format st > tactiled.st\n"},
     {"check", add_check, "Checks a configuration and its calibrations; prints every error in them, and what is unsafe",
      "  tactilectl check my.toml\n  tactilectl check --keys\n"},
     {"completion", add_completion, "Prints a script that completes verbs, options and sensors in bash or zsh",

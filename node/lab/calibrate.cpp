@@ -70,7 +70,7 @@ double claim_after(const FitReport& report, std::size_t i, double hours) {
     return std::hypot(component_errors(report, i).median_sd(), report.calibration.zero_growth_per_h()[i] * hours);
 }
 
-// The one that matters is lost among hundreds.
+// Prints ten lines at most, because the one that matters is lost among hundreds.
 void print_warnings(const std::vector<std::string>& warnings) {
     constexpr std::size_t kLines = 10;
     const std::size_t shown = warnings.size() > kLines ? kLines - 1 : warnings.size();
@@ -80,6 +80,12 @@ void print_warnings(const std::vector<std::string>& warnings) {
 
 void print_claims(const FitReport& report) {
     if (report.calibration.sd.empty()) return;
+    if (!report.drift_measured) {
+        fmt::print(
+            "the sd holds just after a tare; the drift of the zero is not known, because no session has times (t_s) over "
+            "a minute\n");
+        return;
+    }
     fmt::print("median sd after the zero was known:\n{:>9}", "component");
     for (const After& after : kAfter) fmt::print(" {:>13}", after.name);
     for (std::size_t i = 0; i < report.components.size(); ++i) {
@@ -88,6 +94,8 @@ void print_claims(const FitReport& report) {
             fmt::print(" {:>10.3g} {:<2}", claim_after(report, i, after.hours), unit_of(report.components[i]));
     }
     fmt::print("\n");
+    if (report.calibration.zero_rate_per_h.empty())
+        fmt::print("no drift of the zero was seen: its growth is assumed, the sd in an hour\n");
 }
 
 void print_report(const FitReport& report, const Settings& settings) {
@@ -100,8 +108,10 @@ void print_report(const FitReport& report, const Settings& settings) {
         calibration.rows, report.rows_read, report.rows_without_label, report.rows_missing_channel, report.rows_saturated,
         std::count_if(report.suspects.begin(), report.suspects.end(), [](const auto& s) { return s.left_out; }));
     fmt::print("held out: {}\n", calibration.validation.empty() ? "not validated" : calibration.validation);
-    if (report.ways.size() > 1)
-        for (const auto& [how, error] : report.ways) fmt::print("  {:.2f} % of full scale: {}\n", 100 * error, how);
+    for (const Way& way : report.ways)
+        fmt::print(
+            "  {}: {}\n", way.how,
+            way.refused.empty() ? fmt::format("{:.2f} % of full scale", 100 * way.error) : "not possible: " + way.refused);
     fmt::print("{:>9} {:>10} {:>13} {:>15} {:>15} {:>8} {:>15} {:>8} {:>8} {:>8}  {}\n", "component", "rows", "full scale",
                "fitted rms", "held-out rms", "% of FS", "median sd", "in 1 sd", "in 3 sd", "over 5", "worst session");
     const auto percent = [](double share) {
@@ -191,13 +201,14 @@ void print_json(const FitReport& report, const Settings& settings) {
                                  {"within_1_sd", errors.within(1)},
                                  {"within_3_sd", errors.within(3)},
                                  {"beyond_5_sd", 1 - errors.within(5)}};
-        if (!report.calibration.sd.empty())
+        if (!report.calibration.sd.empty() && report.drift_measured)
             for (const After& after : kAfter) component["sd_after"][after.name] = claim_after(report, i, after.hours);
         if (report.labelled->sessions.size() > 1 && std::isfinite(worst.rms))
             component["worst_session"] = {{"name", report.labelled->sessions[worst.session]}, {"rms", worst.rms}};
         json["components"].push_back(std::move(component));
     }
-    for (const auto& [how, error] : report.ways) json["held_out"].push_back({{"how", how}, {"error", error}});
+    for (const Way& way : report.ways)
+        json["held_out"].push_back({{"how", way.how}, {"error", way.error}, {"refused", way.refused}});
     for (const auto& method : report.methods) {
         json["methods"].push_back({{"method", method.method}, {"refused", method.refused}, {"seconds", method.seconds}});
         for (const double rms : method.held_out_rms) json["methods"].back()["held_out_rms"].push_back(rms);

@@ -28,8 +28,10 @@ def rows_of(path):
 
 
 def rates_of(calibration):
-    found = re.search(r"^zero_rate_per_h = \[(.*)\]", calibration.read_text(), re.M)
-    return [float(each) for each in found[1].split(",")] if found else None
+    """As the daemon takes them: the sd where no drift was seen."""
+    text = calibration.read_text()
+    found = re.search(r"^zero_rate_per_h = \[(.*)\]", text, re.M) or re.search(r"^sd = \[(.*)\]", text, re.M)
+    return [float(each) for each in found[1].split(",")]
 
 
 def one(program, fit, later, method):
@@ -48,7 +50,7 @@ def one(program, fit, later, method):
         end_s, result = float(truth[0]["t_s"]), {}
         for i, component in enumerate(report["components"]):
             label = next(c for c in COMPONENTS if c.startswith(component["name"] + "_"))
-            rate = rates[i] if rates else component["median_sd"]
+            rate = rates[i]
             tally = [0] * 5
             squares = 0.0
             for row, estimate in zip(truth, estimates):

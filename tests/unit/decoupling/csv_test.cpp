@@ -203,10 +203,13 @@ TEST(Labelled, RefusesAMisspeltLabel) {
         EXPECT_NE(labelled_complaint("t_s,B1,fz_N," + name + "\n0,1,2,3\n").find("a label is called"), std::string::npos)
             << name;
     EXPECT_EQ(labelled_complaint("t_s,fxa,mz1,fz_N\n0,1,2,3\n"), "");
-    for (const std::string name : {"t_ms", "Time", "timestamp", "index", "force_z", "Weight_g"})
+    for (const std::string name : {"t_ms", "Time", "timestamp", "index", "force_z", "Weight_g", "robot_x", "y", "pose.z",
+                                   "cmd depth", "temp", "step", "stamp", "trial"})
         EXPECT_NE(labelled_complaint("t_s,B1,fz_N," + name + "\n0,1,2,3\n").find("\"" + name + "\" would be a channel, but"),
                   std::string::npos)
             << name;
+    EXPECT_EQ(labelled_complaint("t_s,x1,Bx,position1,fz_N\n0,1,2,3,4\n"), "");
+    EXPECT_NE(labelled_complaint("t_s,B1,fz_N\n1795000000000,1,2\n").find("is it in ms, us or ns?"), std::string::npos);
     EXPECT_EQ(labelled_complaint("t_s,index,fz_N\n0,1,2\n", {.sessions = {}, .channels = {"index"}}), "");
     std::string each = "t_s,B1,fz_N,session\n";
     for (int i = 0; i < 21; ++i) each += fmt::format("{0},{0},{0},{0}\n", i);

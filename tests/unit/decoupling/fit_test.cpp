@@ -182,7 +182,7 @@ TEST(Fit, HoldsOutStretchesOfTimeNotRowsAtRandom) {
     }
     const FitReport report = fit(labelled, generic());
     EXPECT_TRUE(has_way(report, "leave one of 5 stretches of time out"));
-    EXPECT_EQ(report.calibration.validation, "leave the last third of the time out") << "what drifts is farthest off there";
+    EXPECT_EQ(report.calibration.validation, "leave the last third of the rows out") << "what drifts is farthest off there";
     EXPECT_TRUE(warns(report, "one session only"));
     // The order in the file is arbitrary.
     for (std::size_t i = 0; i < 1000; ++i) labelled.rows[i].t_ns = 1'000'000 * (i + 1);

@@ -17,7 +17,8 @@ inline FitRequest by(const std::string& method) {
 
 // Returns true if the rows were held out in this way, too.
 inline bool has_way(const FitReport& report, const std::string& how) {
-    return std::any_of(report.ways.begin(), report.ways.end(), [&](const auto& way) { return way.first.starts_with(how); });
+    return std::any_of(report.ways.begin(), report.ways.end(),
+                       [&](const auto& way) { return way.refused.empty() && way.how.starts_with(how); });
 }
 
 inline bool warns(const FitReport& report, const std::string& what) {

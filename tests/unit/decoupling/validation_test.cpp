@@ -67,6 +67,52 @@ TEST(Validation, OfASensorThatDriftsClaimsTheTimeAfterIt) {
     EXPECT_NEAR(std::sqrt(claimed / later), 1, 0.4);
 }
 
+// Three components whose errors are largest in different ways to hold rows out: fx in those of poses, whose gains scatter
+// and which the last third of the time does not load; fz in the last third, because it drifts.
+TEST(Validation, EachComponentClaimsItsOwnLargestError) {
+    std::mt19937_64 random(4);
+    std::normal_distribution<double> normal(0, 1);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    Labelled labelled;
+    labelled.name = "two.csv";
+    labelled.channels = {"A", "B"};
+    double fx = 0, fz = 0, gain = 1;
+    for (int i = 0; i < 3000; ++i) {
+        if (i % 10 == 0)
+            fx = i < 2000 ? 5 * uniform(random) : 0, fz = -5 * std::abs(uniform(random)), gain = 1 + 0.1 * normal(random);
+        labelled.rows.push_back({.line = i + 2,
+                                 .channel = {gain * fx + 0.01 * normal(random), fz + 1e-3 * i + 0.01 * normal(random)},
+                                 .wrench_S = {fx, kNaN, fz, kNaN, kNaN, kNaN},
+                                 .session = 0,
+                                 .t_ns = std::uint64_t(i + 1) * 1'000'000'000});
+    }
+    const FitReport report = fit(labelled, by("matrix"));
+    EXPECT_EQ(report.calibration.validation, "leave the last third of the time out");
+    EXPECT_GT(report.components[0].held_out_rms, 0.15) << "10 % of 2.9 N, at two thirds of the rows";
+    EXPECT_GT(stated_sd(report.calibration, 0, {4, kNaN, -2, kNaN, kNaN, kNaN}), 0.2);
+}
+
+// A way that leaves no label of a component out says nothing on it, and hides no other way.
+TEST(Validation, AWayWithoutALabelOfEachComponentIsNotPossible) {
+    std::mt19937_64 random(1);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    Labelled labelled;
+    labelled.name = "half.csv";
+    labelled.channels = {"A", "B"};
+    for (int i = 0; i < 900; ++i) {
+        const double fx = uniform(random), fz = uniform(random);
+        labelled.rows.push_back({.line = i + 2,
+                                 .channel = {fx + 0.01 * uniform(random), fz + 0.01 * uniform(random)},
+                                 .wrench_S = {i < 500 ? fx : kNaN, kNaN, fz, kNaN, kNaN, kNaN},
+                                 .session = 0,
+                                 .t_ns = 0});
+    }
+    const FitReport report = fit(labelled, by("matrix"));
+    ASSERT_EQ(report.ways.back().how, "leave the last third of the rows out");
+    EXPECT_EQ(report.ways.back().refused, "no row that is left out has a label of fx");
+    EXPECT_EQ(report.calibration.sd.size(), 2u);
+}
+
 // The error of a held-out row is e / (1 - h) with its leverage h.
 TEST(Validation, OfSingleLoadsIsThatByLeverage) {
     Labelled labelled = six_axes(3, 2e-3);

@@ -43,8 +43,17 @@ TEST(ZeroAge, IsTheDriftOfTheRecording) {
         ASSERT_EQ(report.calibration.zero_rate_per_h.size(), 2u) << seed;
         EXPECT_NEAR(report.calibration.zero_rate_per_h[0], 1, 0.1) << "N per hour";
         EXPECT_EQ(report.calibration.zero_rate_per_h[1], report.calibration.sd[1]) << "fz does not drift";
-        EXPECT_TRUE(warns(report, "fx: the zero drifted"));
+        EXPECT_TRUE(warns(report, "the zero drifted in an hour (zero_rate_per_h): fx by"));
     }
+}
+
+TEST(ZeroAge, IsSeenBesideAPauseOfTheRecording) {
+    Labelled labelled = drifting(1, 0.1, 1);
+    std::erase_if(labelled.rows,
+                  [](const LabelledRow& row) { return row.t_ns > 700'000'000'000 && row.t_ns < 1'000'000'000'000; });
+    const FitReport report = fit(labelled, by("matrix"));
+    ASSERT_EQ(report.calibration.zero_rate_per_h.size(), 2u);
+    EXPECT_NEAR(report.calibration.zero_rate_per_h[0], 1, 0.15) << "N per hour";
 }
 
 TEST(ZeroAge, OfARecordingWithoutDriftIsNotStated) {
