@@ -59,7 +59,7 @@ struct MethodReport {
 
 // A way to hold rows out. refused: why it was not possible, "" = it was
 struct Way {
-    std::string how;      // as in Calibration::validation
+    std::string how;      // the text of Calibration::validation
     double error = kNaN;  // relative to full scale, as a mean over the components
     std::string refused;
 };

@@ -45,8 +45,7 @@ std::string no_channel(std::string_view column) {
     if (is({"reference", "ground_truth", "label", "target"})) return "a reference would predict itself";
     if (is({"temp", "temperature"})) return "the temperature of the sensor is called \"temperature_C\"";
     if (is({"trial", "step", "phase", "contact", "run", "experiment"})) return "the course of an experiment is no reading";
-    if (is({"robot", "tcp", "pose", "position", "pos", "depth", "cmd", "command", "joint", "roll", "pitch", "yaw", "x", "y",
-            "z"}))
+    if (is({"robot", "pose", "position", "pos", "depth", "cmd", "command", "joint", "roll", "pitch", "yaw", "x", "y", "z"}))
         return "the place of a robot or of a press is no reading";
     if (is({"force", "weight", "torque", "moment"})) return "a label is called fx_N fy_N fz_N mx_Nm my_Nm or mz_Nm";
     return "";

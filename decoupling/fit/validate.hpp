@@ -30,7 +30,7 @@ std::map<std::size_t, Wrench> errors_at_rest(const Calibration& calibration, con
 
 struct Validation {
     std::string how;                 // "leave one session out (2 sessions)"; "" = not possible
-    Rows all;                        // of the recording, whose number of loads says how well the fit is determined
+    Rows all;                        // every row; the number of their loads says how well the fit is determined
     std::vector<HeldOut> rows;       // each once
     std::vector<std::size_t> group;  // group of each of `rows`
     std::vector<bool> has_sd;        // false: the method states no standard deviation for such a reading

@@ -98,7 +98,7 @@ Changes changes_of(const Means& mean, std::size_t lag, double hours) {
     return changes;
 }
 
-// What half a session changes, and what neighbouring parts do, which scatter by noise and loads.
+// Changes over half a session, and between neighbouring parts, which scatter by noise and loads.
 struct Drift {
     Changes far, near;
 };

@@ -123,6 +123,14 @@ void unpack(std::string& out, const Rows& rows) {
     }
 }
 
+// A value beyond the end of its register is not handed out, and its 0 must not stand beside OK.
+void end_of_range(std::string& out, const Rows& rows) {
+    for (const Register& r : rows.area.registers)
+        if (rows.has(r) && is_number(r) && r.type == Type::i16 && si_of(r) != nullptr)
+            out += fmt::format("IF ({0} = 16#7FFF) OR ({0} = 16#8001) THEN\n    OK := FALSE;\nEND_IF;\n",
+                               fmt::format("{}.CELLS[{}]", rows.piece, r.at));
+}
+
 std::string begin(std::string_view comment, std::string_view name, const std::vector<std::string_view>& pieces,
                   std::string_view option) {
     std::string out = fmt::format("(* {} *)\nFUNCTION_BLOCK {}\nVAR_INPUT\n", comment, name);
@@ -142,7 +150,8 @@ std::string sensor_block() {
         "One sensor: SENSOR[0] or SENSOR[1] of FB_TACTILED, or SENSOR of FB_TACTILED_FURTHER. Call it where its values are\n"
         "   used; after a pause of its calls the first one has none.",
         "FB_TACTILED_SENSOR", {"SENSOR"}, "ACCEPT_UNCERTAIN");
-    put_field(out, "OK", "BOOL", "the value is GOOD, and so is the read: use the components that HAS_FX to HAS_TZ name");
+    put_field(out, "OK", "BOOL",
+              "the value is GOOD, within the registers, and so is the read: use the components that HAS_FX to HAS_TZ name");
     put_field(out, "UNCERTAIN", "BOOL", "fresh, and the daemon calls the value uncertain; FAULT tells why");
     put_fresh(out);
     put_field(out, "HAS_VALUE", "BOOL", "HAS_FX, HAS_FY and HAS_FZ");
@@ -159,6 +168,8 @@ std::string sensor_block() {
         status);
     find_unit(out, fmt::format("SENSOR.CELLS[{}]", unsigned(kScale)), "UNIT_N", "");
     unpack(out, rows);
+    out += "OK := OK AND (0.0 < UNIT_N);\n";
+    end_of_range(out, rows);
     return out +
            "HAS_VALUE := HAS_FX AND HAS_FY AND HAS_FZ;\nHAS_TORQUE := HAS_TX AND HAS_TY AND HAS_TZ;\n"
            "HAS_COP := HAS_COP_X AND HAS_COP_Y;\nEND_FUNCTION_BLOCK\n\n";
@@ -168,7 +179,7 @@ std::string wrench_block() {
     const Rows rows{area_with(Block::tool), "WRENCH", "USABLE", "FRESH"};
     std::string out =
         begin("The wrench on the gripper, in its frame G.", "FB_TACTILED_WRENCH", {"WRENCH"}, "ACCEPT_UNCERTAIN");
-    put_field(out, "OK", "BOOL", "the value is GOOD, and so is the read");
+    put_field(out, "OK", "BOOL", "the value is GOOD, within the registers, and so is the read");
     put_field(out, "UNCERTAIN", "BOOL", "fresh, and the daemon calls the value uncertain; STATUS tells why");
     put_fresh(out);
     declare(out, rows);
@@ -178,6 +189,7 @@ std::string wrench_block() {
         "UNCERTAIN := FRESH AND ((WRENCH.CELLS[1] AND 16#0200) <> 16#0000);\n"
         "USABLE := OK OR (UNCERTAIN AND ACCEPT_UNCERTAIN);\n";
     unpack(out, rows);
+    end_of_range(out, rows);
     return out + "END_FUNCTION_BLOCK\n\n";
 }
 

@@ -28,7 +28,7 @@ def rows_of(path):
 
 
 def rates_of(calibration):
-    """As the daemon takes them: the sd where no drift was seen."""
+    """Returns the rates that the daemon takes: the sd where no drift was seen."""
     text = calibration.read_text()
     found = re.search(r"^zero_rate_per_h = \[(.*)\]", text, re.M) or re.search(r"^sd = \[(.*)\]", text, re.M)
     return [float(each) for each in found[1].split(",")]

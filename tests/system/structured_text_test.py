@@ -299,6 +299,8 @@ class Gates(unittest.TestCase):
             scene.view.cells[51] = word
             scene.live()
             self.assertEqual([scene.sensor.values["HAS_FZ"], scene.sensor.values["HAS_VALUE"], scene.wrench.values["HAS_FX"]], [False] * 3)
+            is_not_measured = word == 0x8000  # the other components are good
+            self.assertEqual([scene.sensor.values["OK"], scene.wrench.values["OK"]], [is_not_measured] * 2)
 
     def test_forces_are_in_counts_of_scale(self):
         for power in (-6, -4, -2, 0, 1, 5):
@@ -306,7 +308,7 @@ class Gates(unittest.TestCase):
             scene.view.cells[69 + 19] = power & 0xFFFF
             scene.live()
             has = power <= 1
-            self.assertEqual([scene.sensor.values[n] for n in ("HAS_FZ", "HAS_F_MAG")], [has, has])
+            self.assertEqual([scene.sensor.values[n] for n in ("HAS_FZ", "HAS_F_MAG", "OK")], [has] * 3)
             self.assertAlmostEqual(scene.sensor.values["FZ_N"] / (-1234 * 10.0 ** power) if has else 1, 1, places=5)
 
 
