@@ -103,60 +103,51 @@ void check_rows(Options& table, const char* key, const std::vector<std::vector<d
             table.problem(key, fmt::format("{}[{}] has {} numbers; {} are needed", key, i, rows[i].size(), numbers));
 }
 
-void read_curved_domain(Options& file, std::size_t n, CurvedDomain& domain) {
-    if (!file.has("curved")) return;
-    Options table = file.table("curved");
-    domain.directions = table.rows("directions");
-    domain.feature_mean = table.numbers("feature_mean", kFinite);
-    domain.feature_whitening = table.rows("feature_whitening");
-    domain.growth = table.number("growth", {0, 1e9});
-    domain.coefficients = table.rows("coefficients");
-    domain.whitening = table.rows("whitening");
-    domain.limit = table.number("limit", kLimit);
-    domain.false_alarms = table.number("false_alarms", {0, 1}, 0);
-    const std::size_t m = domain.directions.size(), features = curved_features(m);
-    if (m < 1 || m > kMaxDirections)
-        table.problem("directions", fmt::format("directions has {} rows; 1 .. {} are possible", m, kMaxDirections));
-    const auto check_size = [&](const char* key, std::size_t size, std::size_t needed) {
-        if (size != needed) table.problem(key, fmt::format("{} has {} entries; {} are needed", key, size, needed));
-    };
-    check_size("feature_mean", domain.feature_mean.size(), features);
-    check_size("feature_whitening", domain.feature_whitening.size(), features);
-    check_triangle(table, "feature_whitening", domain.feature_whitening);
-    check_rows(table, "coefficients", domain.coefficients, features);
-    check_triangle(table, "whitening", domain.whitening);
+void read_monitor(Options& file, Calibration& calibration) {
+    if (!file.has("monitor")) return;
+    Options table = file.table("monitor");
+    Monitor& monitor = calibration.monitor;
+    const std::size_t n = calibration.channels.size();
+    monitor.mean = table.numbers("mean", kFinite, as_many_as(calibration.channels));
+    monitor.scores = table.rows("scores");
+    monitor.limit = table.number("limit", kLimit);
+    monitor.residual = table.rows("residual");
+    if (!monitor.residual.empty()) monitor.residual_limit = table.number("residual_limit", kLimit);
+    monitor.product_mean = table.numbers("product_mean", kFinite);
+    monitor.coefficients = table.rows("coefficients");
+    monitor.product_whitening = table.rows("product_whitening");
+    monitor.false_alarms = table.number("false_alarms", {0, 1}, 0);
+    const std::size_t m = monitor.scores.size(), r = monitor.residual.size(), products = monitor.product_mean.size();
+    if (m < 1 || (n > 0 && m + r > n))
+        table.problem("scores", fmt::format("monitor has {} scores and {} residuals of {} channels", m, r, n));
+    if (products > 0 && (r == 0 || m > kMaxScores || products != products_of(m)))
+        table.problem("product_mean", fmt::format("monitor has {} products of {} scores with {} residuals", products, m, r));
+    check_number_of_rows(table, "coefficients", monitor.coefficients.size(), products > 0 ? r : 0, "residuals");
+    check_rows(table, "coefficients", monitor.coefficients, products);
+    check_number_of_rows(table, "product_whitening", monitor.product_whitening.size(), products, "products");
+    check_triangle(table, "product_whitening", monitor.product_whitening);
     if (n == 0) return;
-    check_rows(table, "directions", domain.directions, n);
-    check_size("coefficients", domain.coefficients.size(), n);
-    check_size("whitening", domain.whitening.size(), n);
+    check_rows(table, "scores", monitor.scores, n);
+    check_rows(table, "residual", monitor.residual, n);
 }
 
-void read_joint_domain(Options& file, Calibration& calibration) {
+// Reads the checks of a file from before the monitor. The joint domain is a monitor with all channels as scores; its curved
+// part and the parity of channels have no successor in the file.
+void read_older_checks(Options& file, Calibration& calibration) {
+    if (file.has("parity")) file.table("parity").accept_other_keys();
     if (!file.has("joint_domain")) return;
     Options table = file.table("joint_domain");
-    JointDomain& domain = calibration.joint_domain;
+    Monitor& monitor = calibration.monitor;
     const std::size_t n = calibration.channels.size();
-    domain.mean = table.numbers("mean", kFinite, as_many_as(calibration.channels));
-    domain.whitening = table.rows("whitening");
-    domain.limit = table.number("limit", kLimit);
-    domain.false_alarms = table.number("false_alarms", {0, 1}, 0);
-    check_number_of_rows(table, "whitening", domain.whitening.size(), n, "channels");
-    check_triangle(table, "whitening", domain.whitening);
-    read_curved_domain(table, n, domain.curved);
-}
-
-void read_parity(Options& file, Calibration& calibration) {
-    if (!file.has("parity")) return;
-    Options table = file.table("parity");
-    const Count each = as_many_as(calibration.channels);
-    Parity& parity = calibration.parity;
-    parity.order = int(table.integer("order", {1, 2}));
-    parity.centre = table.numbers("centre", kFinite, each);
-    parity.scale = table.numbers("scale", {1e-300, 1e300}, each);
-    parity.coefficients = table.rows("coefficients");
-    parity.sd = table.numbers("sd", kNotNegative, each);
-    parity.false_alarms = table.number("false_alarms", {0, 1}, 0);
-    check_number_of_rows(table, "coefficients", parity.coefficients.size(), calibration.channels.size(), "channels");
+    monitor.mean = table.numbers("mean", kFinite, as_many_as(calibration.channels));
+    monitor.scores = table.rows("whitening");
+    monitor.limit = table.number("limit", kLimit);
+    monitor.false_alarms = table.number("false_alarms", {0, 1}, 0);
+    monitor.is_older = true;
+    if (table.has("curved")) table.table("curved").accept_other_keys();
+    check_number_of_rows(table, "whitening", monitor.scores.size(), n, "channels");
+    check_triangle(table, "whitening", monitor.scores);
+    for (auto& row : monitor.scores) row.resize(n);
 }
 
 void read_temperature(Options& file, Calibration& calibration) {
@@ -221,13 +212,8 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
     fit.sd_unloading = file.numbers("sd_unloading", kNotNegative, each);
     fit.correlation = file.numbers("correlation", {-1, 1}, {2, 2});
     fit.held_out_rms = file.numbers("held_out_rms", kNotNegative, each);
-    fit.parity_harmless = file.numbers("parity_harmless", kNotNegative, as_many_as(calibration.channels));
-    fit.sd_without = file.rows("sd_without");
-    if (!fit.sd_without.empty()) check_number_of_rows(file, "sd_without", fit.sd_without.size(), n, "channels");
-    for (std::size_t i = 0; i < fit.sd_without.size(); ++i)
-        if (n_rows != 0 && fit.sd_without[i].size() != n_rows)
-            file.problem("sd_without", fmt::format("sd_without[{}] has {} numbers for {} components", i,
-                                                   fit.sd_without[i].size(), n_rows));
+    if (file.has("parity_harmless")) (void)file.numbers("parity_harmless", kFinite);  // older, see read_older_checks
+    if (file.has("sd_without")) (void)file.rows("sd_without");
     fit.matrix = file.rows("matrix");
     if (!fit.matrix.empty()) check_number_of_rows(file, "matrix", fit.matrix.size(), n_rows, "components");
     for (std::size_t i = 0; i < fit.matrix.size(); ++i)
@@ -295,9 +281,9 @@ Calibration parse_calibration(std::string_view text, const std::string& name, Pr
         file.problem("format", "a later version of tactiled wrote this file; this one reads format = 1");
     read_names(file, calibration);
     read_channels(file, calibration);
-    read_joint_domain(file, calibration);
+    read_monitor(file, calibration);
+    read_older_checks(file, calibration);
     read_repeats(file, calibration);
-    read_parity(file, calibration);
     read_temperature(file, calibration);
     read_components(file, calibration);
     calibration.taxel_files = file.texts("taxel_calibration", {0, kMaxTaxelFiles});

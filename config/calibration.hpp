@@ -33,44 +33,30 @@ struct Fit {
     std::vector<double> correlation;
     // Per component: root mean square error on held-out rows, N or Nm; empty = unknown.
     std::vector<double> held_out_rms;
-    // Error with one channel replaced by its prediction (Parity): one row per channel, one column per component, N or Nm;
-    // empty = unknown.
-    std::vector<std::vector<double>> sd_without;
-    // Per channel: the residual of its prediction (Parity) that shifts some component by its sd, channel_unit; empty = 0.
-    std::vector<double> parity_harmless;
     double condition = 0;  // condition number of the scaled problem that was solved; 0 = unknown
     // Groups that were held out: "leave one session out (2 sessions)" ...; ends with kOwnZeros if each session had its own.
     static constexpr std::string_view kOwnZeros = ", each with its own zero";
     std::string validation;
 };
 
-inline constexpr std::size_t kMaxDirections = 6;
-// Directions and their products.
-constexpr std::size_t curved_features(std::size_t directions) { return directions + directions * (directions + 1) / 2; }
+inline constexpr std::size_t kMaxScores = 6;  // limit of a monitor with products
+constexpr std::size_t products_of(std::size_t scores) { return scores * (scores + 1) / 2; }
 
-// The surface on which the readings of the calibration's rows lie: n channels as a function of m < n directions.
-// y = directions (channel - mean) and p = (y_1 .. y_m, y_1 y_1, y_1 y_2 .. y_m y_m) - feature_mean predict the channels as
-// mean + coefficients p, with the mean of JointDomain. The residual e belongs to the domain if
-// |whitening e|^2 <= limit^2 (1 + growth |feature_whitening p|^2). See decoupling/curved_distance.hpp.
-struct CurvedDomain {
-    std::vector<std::vector<double>> directions;         // m rows of n numbers, 1 / channel_unit
-    std::vector<double> feature_mean;                    // m + m (m + 1) / 2 numbers
-    std::vector<std::vector<double>> feature_whitening;  // lower triangle
-    double growth = 0;                                   // factor of |feature_whitening p|^2 in the residual's variance
-    std::vector<std::vector<double>> coefficients;       // n rows, one number per feature, in channel_unit
-    std::vector<std::vector<double>> whitening;          // lower triangle, 1 / channel_unit
-    double limit = 0;                                    // 0 = the calibration has none
-    double false_alarms = 0;                             // share of the held-out rows beyond the limit, 0 .. 1
-};
-
-// The readings of the calibration's rows, all channels together: those with |whitening (channel - mean)| <= limit.
-// See decoupling/joint_domain.hpp.
-struct JointDomain {
-    std::vector<double> mean;                    // per channel, in channel_unit
-    std::vector<std::vector<double>> whitening;  // lower triangle, 1 / channel_unit: row i has i + 1 numbers
-    double limit = 0;                            // 0 = the calibration has no joint domain
-    double false_alarms = 0;                     // share of the held-out rows beyond the limit, 0 .. 1
-    CurvedDomain curved{};
+// Which readings a load can cause, all channels together, seen in the rows of the calibration: n channels with m scores
+// t = scores (channel - mean), and r <= n - m residuals e = residual (channel - mean) - coefficients p, where p are the
+// products t_1 t_1, t_1 t_2 .. t_m t_m minus product_mean. A reading is inside if |t|^2 <= limit^2 and
+// |e|^2 <= residual_limit^2 (1 + (|t|^2 + |product_whitening p|^2) / (m + number of p)). See decoupling/monitor.hpp.
+struct Monitor {
+    std::vector<double> mean;                            // per channel, in channel_unit
+    std::vector<std::vector<double>> scores;             // m rows of n numbers, 1 / channel_unit
+    double limit = 0;                                    // 0 = the calibration has no monitor
+    std::vector<std::vector<double>> residual;           // r rows of n numbers, 1 / channel_unit; empty = there is none
+    double residual_limit = 0;                           // 0 = no residual
+    std::vector<double> product_mean;                    // empty = the residual is linear
+    std::vector<std::vector<double>> coefficients;       // r rows, one number per product
+    std::vector<std::vector<double>> product_whitening;  // lower triangle
+    double false_alarms = 0;                             // share of the held-out rows outside, 0 .. 1
+    bool is_older = false;                               // from the joint domain of an older file: all channels are scores
 };
 
 // The longest repetition of one number by each channel while the load was held, and its noise, in the rows of the
@@ -91,18 +77,6 @@ struct Temperature {
     std::vector<double> zero, zero_per_K, gain_per_K;  // per channel: channel_unit, channel_unit / K, 1 / K; empty = unknown
 };
 
-inline constexpr std::size_t kMaxParityFeatures = 45;  // 8 channels with their products, or 32 without
-
-// Each channel as a polynomial of the others: coefficients times 1, x, and for order 2 the products x_i x_j (i <= j), where
-// x = (channel - centre) / scale. See decoupling/parity.hpp.
-struct Parity {
-    int order = 1;
-    std::vector<double> centre, scale;              // per channel, in channel_unit
-    std::vector<std::vector<double>> coefficients;  // one row per channel, in channel_unit
-    std::vector<double> sd;   // per channel: sd of the residual, channel_unit; 0 = not checked. Empty = no parity data
-    double false_alarms = 0;  // share of the held-out rows in which the alarm is raised, 0 .. 1
-};
-
 // The fit of the preferred method, and the fits of other methods of the same model for the same channels and components.
 struct Calibration : Fit {
     std::string path;
@@ -116,9 +90,8 @@ struct Calibration : Fit {
     std::vector<std::string> channels;                // names, in the order of the matrix's columns
     std::string channel_unit;                         // "dR/R0", "pF", "counts" ...
     std::vector<double> channel_least, channel_most;  // range of the calibration's rows; empty = unknown
-    JointDomain joint_domain;
+    Monitor monitor;
     Repeats repeats;
-    Parity parity;
     Temperature temperature;
     std::vector<double>
         zero_drift;  // per channel: sd of the zero that the fits and each sd include, channel_unit; empty = 0

@@ -61,8 +61,6 @@ public:
         numbers("sd_unloading", fit.sd_unloading);
         numbers("correlation", fit.correlation);
         numbers("held_out_rms", fit.held_out_rms);
-        if (!fit.sd_without.empty()) rows("sd_without", fit.sd_without);
-        numbers("parity_harmless", fit.parity_harmless);
         line("condition", toml_number(fit.condition));
         text("validation", fit.validation);
         for (const auto& [name, value] : fit.parameters) line("parameters." + toml_key(name), toml_number(value));
@@ -70,17 +68,6 @@ public:
     }
     std::string text_;
 };
-
-void write_curved_domain(const CurvedDomain& domain, Lines& out) {
-    out.rows("joint_domain.curved.directions", domain.directions);
-    out.numbers("joint_domain.curved.feature_mean", domain.feature_mean);
-    out.rows("joint_domain.curved.feature_whitening", domain.feature_whitening);
-    out.line("joint_domain.curved.growth", toml_number(domain.growth));
-    out.rows("joint_domain.curved.coefficients", domain.coefficients);
-    out.rows("joint_domain.curved.whitening", domain.whitening);
-    out.line("joint_domain.curved.limit", toml_number(domain.limit));
-    out.line("joint_domain.curved.false_alarms", toml_number(domain.false_alarms));
-}
 
 }  // namespace
 
@@ -98,20 +85,20 @@ std::string calibration_text(const Calibration& calibration) {
     out.text("channel_unit", calibration.channel_unit);
     out.numbers("channel_least", calibration.channel_least);
     out.numbers("channel_most", calibration.channel_most);
-    if (const JointDomain& domain = calibration.joint_domain; domain.limit > 0) {
-        out.numbers("joint_domain.mean", domain.mean);
-        out.rows("joint_domain.whitening", domain.whitening);
-        out.line("joint_domain.limit", toml_number(domain.limit));
-        out.line("joint_domain.false_alarms", toml_number(domain.false_alarms));
-        if (domain.curved.limit > 0) write_curved_domain(domain.curved, out);
-    }
-    if (const Parity& parity = calibration.parity; !parity.sd.empty()) {
-        out.line("parity.order", fmt::format("{}", parity.order));
-        out.numbers("parity.centre", parity.centre);
-        out.numbers("parity.scale", parity.scale);
-        out.rows("parity.coefficients", parity.coefficients);
-        out.numbers("parity.sd", parity.sd);
-        out.line("parity.false_alarms", toml_number(parity.false_alarms));
+    if (const Monitor& monitor = calibration.monitor; monitor.limit > 0) {
+        out.numbers("monitor.mean", monitor.mean);
+        out.rows("monitor.scores", monitor.scores);
+        out.line("monitor.limit", toml_number(monitor.limit));
+        if (!monitor.residual.empty()) {
+            out.rows("monitor.residual", monitor.residual);
+            out.line("monitor.residual_limit", toml_number(monitor.residual_limit));
+        }
+        if (!monitor.product_mean.empty()) {
+            out.numbers("monitor.product_mean", monitor.product_mean);
+            out.rows("monitor.coefficients", monitor.coefficients);
+            out.rows("monitor.product_whitening", monitor.product_whitening);
+        }
+        out.line("monitor.false_alarms", toml_number(monitor.false_alarms));
     }
     if (const Temperature& temperature = calibration.temperature; !temperature.zero_per_K.empty()) {
         out.line("temperature.reference_C", toml_number(temperature.reference_C));

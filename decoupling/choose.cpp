@@ -5,9 +5,8 @@
 #include <algorithm>
 
 #include "decoupling/auto_method.hpp"
-#include "decoupling/joint_domain.hpp"
 #include "decoupling/method.hpp"
-#include "decoupling/parity.hpp"
+#include "decoupling/monitor.hpp"
 #include "decoupling/temperature.hpp"
 #include "decoupling/unloading.hpp"
 
@@ -29,8 +28,6 @@ Calibration fit_for(const Calibration& calibration, const MethodEntry& method) {
         one.sd_load.clear();
         one.sd_unloading.clear();
         one.correlation.clear();
-        one.sd_without.clear();
-        one.parity_harmless.clear();
     }
     return one;
 }
@@ -71,17 +68,15 @@ std::unique_ptr<Decoupler> make_decoupler(const Calibration& calibration, const 
     if (method == nullptr)
         return refuse("method", fmt::format("method = \"{}\": model \"{}\" has {} (or auto){}", name, calibration.model,
                                             fmt::join(known, " "), or_did_you_mean(name, known)));
-    std::string text = fault_of_joint_domain(calibration);
-    if (text.empty()) text = fault_of_parity(calibration);
+    std::string text = fault_of_monitor(calibration);
     if (text.empty()) text = fault_of_temperature(calibration);
     if (!text.empty()) return refuse("calibration", fmt::format("{}: {}", calibration.path, text));
     const Calibration own = fit_for(calibration, *method);
     if (make_method(*method, own, text) == nullptr)
         return refuse("calibration", fmt::format("{}: method {}: {}", calibration.path, name, text));
-    // The joint domain judges a replaced channel by its predicted value.
     return with_temperature(calibration, [method, own] {
         std::string no_fault;
-        return with_parity(own, with_joint_domain(own, with_unloading(own, make_method(*method, own, no_fault))));
+        return with_monitor(own, with_unloading(own, make_method(*method, own, no_fault)));
     });
 }
 

@@ -27,7 +27,7 @@ public:
           is_fitted_(!calibration.temperature.zero_per_K.empty()),
           n_(calibration.channels.size()),
           zero_(is_fitted_ ? temperature_.zero : calibration.zero),
-          middle_(calibration.joint_domain.mean) {
+          middle_(calibration.monitor.mean) {
         full_scale_.fill(kNaN);
         for (std::size_t i = 0; i < calibration.components.size(); ++i) {
             const std::size_t c = component_index(calibration.components[i]);

@@ -9,9 +9,9 @@
 #include <utility>
 
 #include "decoupling/accuracy.hpp"
-#include "decoupling/fit/domain_fit.hpp"
 #include "decoupling/fit/groups.hpp"
 #include "decoupling/fit/labels.hpp"
+#include "decoupling/fit/monitor_fit.hpp"
 #include "decoupling/fit/outliers.hpp"
 #include "decoupling/fit/recording_checks.hpp"
 #include "decoupling/fit/trial.hpp"
@@ -252,23 +252,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     const Wrench fitted = rms_error(calibration, rows);
     // The channels of a sensor that does not measure a lasting load (piezo) depend on the past, so that any
     // combination of them is possible.
-    if (!remembers) {
-        const std::vector<std::size_t> group_of_row = ways_to_hold_out(*labelled, rows, false).front().of_row;
-        set_joint_domain(rows, group_of_row, calibration);
-        if (request.parity) set_parity(rows, group_of_row, calibration, report.warnings);
-        set_parity_of_method(rows, calibration);
-        for (Fit& other : calibration.others) {
-            Calibration one = calibration;
-            static_cast<Fit&>(one) = other;
-            one.others.clear();
-            set_parity_of_method(rows, one);
-            other.sd_without = one.sd_without;
-            other.parity_harmless = one.parity_harmless;
-        }
-    }
-    // Remounting changes the zero, and the readings contain the change until a tare.
-    if (report.zeros.own)
-        for (double* limit : {&calibration.joint_domain.limit, &calibration.joint_domain.curved.limit}) *limit *= 2;
+    if (!remembers) set_monitor(rows, ways_to_hold_out(*labelled, rows, false).front().of_row, report.zeros, calibration);
     report.drift_measured = !remembers && set_zero_age(rows, report.zeros, calibration, report.warnings);
     calibration.temperature = std::move(temperature);
     for (auto& component : report.components) {

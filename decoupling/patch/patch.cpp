@@ -63,9 +63,9 @@ std::string fault_of_patch(const Calibration& calibration, std::uint32_t compone
     for (const auto& name : calibration.components)
         if (!is_determined(components, component_index(name)))
             return fmt::format("components has \"{}\", but the taxels measure fz alone: fz, mx, my are possible", name);
-    if (calibration.joint_domain.limit > 0 || !calibration.parity.sd.empty() || !calibration.sd_unloading.empty() ||
-        !calibration.temperature.zero_per_K.empty() || !calibration.matrix.empty() || !calibration.repeats.noise.empty())
-        return "an array has no matrix, joint_domain, parity, repeats, sd_unloading or temperature";
+    if (calibration.monitor.limit > 0 || !calibration.sd_unloading.empty() || !calibration.temperature.zero_per_K.empty() ||
+        !calibration.matrix.empty() || !calibration.repeats.noise.empty())
+        return "an array has no matrix, monitor, repeats, sd_unloading or temperature";
     return "";
 }
 

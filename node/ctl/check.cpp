@@ -101,11 +101,13 @@ int check(const Args& args) {
         const Calibration calibration = patch != nullptr ? patch->with_zero_of_taxels(stated) : stated;
         if (const std::string age = age_of_zero(calibration); !age.empty())
             fmt::print("sensor \"{}\": zero: {}\n", sensor.name, age);
-        if (patch == nullptr && calibration.channels.size() > 1 && calibration.joint_domain.limit == 0)
+        if (patch == nullptr && calibration.channels.size() > 1 &&
+            (calibration.monitor.limit == 0 || calibration.monitor.is_older))
             fmt::print(
-                "warning: sensor \"{}\": {} has no joint domain: a channel that is damaged and stays within "
-                "its range can look GOOD; calibrate again\n",
-                sensor.name, sensor.calibration);
+                "warning: sensor \"{}\": {} {}: a channel that is damaged and stays within its range can look GOOD; "
+                "calibrate again\n",
+                sensor.name, sensor.calibration,
+                calibration.monitor.is_older ? "has the joint domain of an older version, not a monitor" : "has no monitor");
     }
     return wrong ? kUnhealthy : kGood;
 }

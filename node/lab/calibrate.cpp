@@ -150,14 +150,6 @@ void print_report(const FitReport& report, const Settings& settings) {
         }
     for (const auto& [name, value] : calibration.parameters) fmt::print("{} = {:.5g}\n", name, value);
     fmt::print("condition number: {:.3g}\n", calibration.condition);
-    std::vector<std::string> checked;
-    for (std::size_t k = 0; k < calibration.parity.sd.size(); ++k)
-        if (calibration.parity.sd[k] > 0) checked.push_back(calibration.channels[k]);
-    if (settings.request.parity)
-        fmt::print(
-            "channels that the others predict: {}{}\n",
-            checked.empty() ? "none" : fmt::format("{}", fmt::join(checked, " ")),
-            checked.empty() ? "" : fmt::format("; {:.2g} % of held-out rows alarm", 100 * calibration.parity.false_alarms));
     if (const Temperature& t = calibration.temperature; !t.zero_per_K.empty())
         fmt::print("temperature: {:.1f} to {:.1f} degC\n", t.range_C[0], t.range_C[1]);
     print_warnings(report.warnings);
@@ -325,10 +317,6 @@ Run add_calibrate(Command verb) {
     const Option own = verb.add_flag("--zero-per-session", settings->own_zeros,
                                      "each session has its own zero, as after mounting; else found from the recording");
     verb.add_flag("--one-zero", settings->one_zero, "all sessions have the same zero").excludes(own);
-    verb.add_flag(
-        "--parity", settings->request.parity,
-        "each channel is checked against its prediction from the others; loads, mountings and zeros beyond those of "
-        "the rows raise false alarms");
     verb.add_flag("--keep-outliers", settings->request.keep_outliers, "labels that look wrong are reported and used");
     verb.add_option("--saturates-below", settings->request.saturates_below,
                     "rows with a channel at or below this are left out (unit of the channels)");

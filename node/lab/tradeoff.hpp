@@ -61,8 +61,7 @@ struct Contest {                                                    // the metho
 // is done.
 // setup: throws SetupError
 std::vector<Contest> all_contests(const std::string& folder, const std::function<void(double)>& show,
-                                  const std::string& model = "",  // "" = all
-                                  bool parity = false);
+                                  const std::string& model = "");  // "" = all
 // Returns the methods of the model of a scene's first sensor, calibrated as in all_contests() but on that sensor.
 Contest contest_of_scene(const std::string& folder, const std::string& scene);
 // Returns all methods for which a calibration has a fit.

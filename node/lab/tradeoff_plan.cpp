@@ -56,7 +56,7 @@ struct Made {
 };
 
 // `sensor`: replaces the scene's own sensor.
-Made calibrate(const std::string& folder, const Source& source, const sim::Sensor* sensor, bool parity = false) {
+Made calibrate(const std::string& folder, const Source& source, const sim::Sensor* sensor) {
     CalibrationScene scene = read_calibration_scene(path_of(folder, source.scene));
     if (sensor != nullptr) scene.scene.sensors = {*sensor};
     const FitEntry* const first = find_fit(source.model, source.methods.front());
@@ -75,7 +75,6 @@ Made calibrate(const std::string& folder, const Source& source, const sim::Senso
         }
         FitRequest request{.model = source.model, .method = method, .serial = "", .date = ""};
         request.parameters = scene.known;
-        request.parity = parity;
         if (!scene.influence.empty()) put_fit_option("influence", scene.influence, request);
         try {
             candidate.calibration = fit(rows, request).calibration;
@@ -103,13 +102,13 @@ Trial trial_of(const std::string& kind, const std::string& path) {
 }
 
 std::vector<Contest> all_contests(const std::string& folder, const std::function<void(double)>& show,
-                                  const std::string& model, bool parity) {
+                                  const std::string& model) {
     const auto is_left_out = [&model](const std::string& one) { return !model.empty() && one != model; };
     std::atomic<std::size_t> done = 0;
     std::vector<std::future<Made>> made;
     for (const Source& source : sources())
-        made.push_back(std::async(std::launch::async, [&folder, &source, &done, &is_left_out, parity] {
-            Made m = is_left_out(source.model) ? Made{} : calibrate(folder, source, nullptr, parity);
+        made.push_back(std::async(std::launch::async, [&folder, &source, &done, &is_left_out] {
+            Made m = is_left_out(source.model) ? Made{} : calibrate(folder, source, nullptr);
             ++done;
             return m;
         }));

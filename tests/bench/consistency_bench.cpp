@@ -6,7 +6,7 @@
 //                                                  median sd / rms, the same without the part of latency, share within the
 //                                                  true rms of the scene, median sd with latency over that without: ours,
 //                                                  and of an oracle that knows the load; the oracle's beyond 5 sd
-//   consistency_bench costs [MODEL]                ns per sample of parity, joint domain and latency
+//   consistency_bench costs [MODEL]                ns per sample of the monitor and of latency
 //   consistency_bench scenes [NAME]                the same for the scenes with an [[expect]]
 //   consistency_bench damaged FIRST COUNT [MODEL]  the damaged scenes with COUNT seeds from FIRST on: GOOD and beyond 5 sd,
 //                                                  with the detection of frozen channels, and without
@@ -23,8 +23,7 @@
 //   consistency_bench lost FIRST COUNT [SCENE]     the undamaged scenes: GOOD samples that each check costs
 //   consistency_bench damage FIT.csv JUDGE.csv     a recording: one channel after the other damaged while the rows of JUDGE
 //                                                  run; GOOD, and GOOD and off by more than 10 % of full scale, or by 5 sd;
-//                                                  in some component; with parity if the environment has PARITY; ns of
-//                                                  the checks
+//                                                  in some component; ns of the checks
 //
 // Only "damaged" and "lost" look for frozen channels, which the node does before the model.
 #include <fmt/format.h>
@@ -59,12 +58,7 @@ void coverage(const std::vector<Contest>& contests) {
 void damaged(const std::string& folder, const std::vector<Contest>& contests, std::uint64_t first, std::uint64_t count) {
     for (const Contest& contest : contests) {
         const std::string of = contest.model == "generic" ? "capacitive" : contest.model;
-        std::vector<Candidate> candidates = contest.candidates;
-        for (const Candidate& candidate : contest.candidates) {
-            candidates.push_back(candidate);
-            candidates.back().name += ", no parity";
-            candidates.back().calibration.parity = {};
-        }
+        const std::vector<Candidate>& candidates = contest.candidates;
         std::vector<std::vector<double>> undetected(candidates.size()), without_detection(candidates.size());
         std::vector<double> good(candidates.size());
         for (std::uint64_t seed = first; seed < first + count; ++seed) {
@@ -135,7 +129,7 @@ int main(int argc, char** argv) {
             return 0;
         }
         const std::vector<Contest> contests = all_contests(
-            folder, [](double) {}, model, what != "coverage");
+            folder, [](double) {}, model);
         if (what == "coverage") coverage(contests);
         if (what == "costs") print_costs(contests);
         if (what == "damaged")

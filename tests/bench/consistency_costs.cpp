@@ -35,24 +35,21 @@ double fastest_ns(const Candidate& candidate, const std::vector<Reading>& readin
 }  // namespace
 
 void print_costs(const std::vector<ctl::Contest>& contests) {
-    fmt::print("{:<24} {:>9} {:>8} {:>9} {:>9} {:>8} {:>8}\n", "method, ns a sample", "channels", "all", "parity", "domain",
-               "latency", "sd_load");
+    fmt::print("{:<24} {:>9} {:>8} {:>9} {:>8} {:>8}\n", "method, ns a sample", "channels", "all", "monitor", "latency",
+               "sd_load");
     for (const ctl::Contest& contest : contests)
         for (const Candidate& candidate : contest.candidates) {
             std::vector<double> storage;
             const auto readings = ctl::readings_of(candidate, contest.trials.front().rows, storage);
-            Candidate no_parity = candidate;
-            no_parity.calibration.parity = {};
-            Candidate no_domain = no_parity;
-            no_domain.calibration.joint_domain = {};
-            const double all = fastest_ns(candidate, readings, 0.01), parity = all - fastest_ns(no_parity, readings, 0.01);
-            const double domain = all - parity - fastest_ns(no_domain, readings, 0.01);
+            Candidate no_monitor = candidate;
+            no_monitor.calibration.monitor = {};
+            const double all = fastest_ns(candidate, readings, 0.01), monitor = all - fastest_ns(no_monitor, readings, 0.01);
             const double latency = all - fastest_ns(candidate, readings, 0);
             Candidate no_load = candidate;
             no_load.calibration.sd_load.clear();
             const double load = candidate.calibration.sd_load.empty() ? 0 : all - fastest_ns(no_load, readings, 0.01);
-            fmt::print("{:<24} {:>9} {:>8.0f} {:>9.0f} {:>9.0f} {:>8.0f} {:>8.0f}\n", contest.model + "/" + candidate.name,
-                       candidate.calibration.channels.size(), all, parity, domain, latency, load);
+            fmt::print("{:<24} {:>9} {:>8.0f} {:>9.0f} {:>8.0f} {:>8.0f}\n", contest.model + "/" + candidate.name,
+                       candidate.calibration.channels.size(), all, monitor, latency, load);
         }
 }
 

@@ -57,7 +57,7 @@ std::vector<std::vector<std::size_t>> random_groups(std::size_t n, std::size_t s
     return groups;
 }
 
-// The kinds of damage for which the joint domain and parity were made.
+// The kinds of damage for which the monitor was made.
 std::vector<Kind> designed_for(const Seen& seen) {
     const std::size_t n = seen.rest.size();
     const auto pairs = random_groups(n, 2, 40, 3);
@@ -169,9 +169,7 @@ void judge_damage(const std::string& fit_file, const std::string& judge_file, co
     const Seen range = seen_in(seen);
     std::stringstream names(methods.empty() ? "matrix,quadratic,rbf,mlp" : methods);
     for (std::string method; std::getline(names, method, ',');) {
-        const FitReport report = fit(
-            seen,
-            {.model = "generic", .method = method, .serial = "", .date = "", .parity = std::getenv("PARITY") != nullptr});
+        const FitReport report = fit(seen, {.model = "generic", .method = method, .serial = "", .date = ""});
         for (const std::string& warning : report.warnings) fmt::print("{}: {}\n", method, warning);
         print_costs({{.model = "generic",
                       .candidates = {{"generic", method, method, report.calibration}},

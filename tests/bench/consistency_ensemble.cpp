@@ -25,7 +25,7 @@ constexpr std::uint64_t kFirstSeed = 7000;  // this seed and later ones chose no
 struct Use {
     const char* name;
     bool other_loads = true, other_noise = true, is_tared = true, mounted_anew = false, only_settled = false;
-    bool has_joint_domain = true;
+    bool has_monitor = true;
     double to_share = 1;  // greatest press, shear and distance from the middle, relative to the calibration's
 };
 constexpr Use kUses[] = {
@@ -34,7 +34,7 @@ constexpr Use kUses[] = {
     {.name = "not tared", .is_tared = false},
     {.name = "settled rows", .only_settled = true},
     {.name = "loads to 90 %", .to_share = 0.9},
-    {.name = "no joint domain", .only_settled = true, .has_joint_domain = false},
+    {.name = "no monitor", .only_settled = true, .has_monitor = false},
     {.name = "same noise", .other_noise = false},
     {.name = "same loads", .other_loads = false},
     {.name = "settled, not tared", .is_tared = false, .only_settled = true},
@@ -101,8 +101,8 @@ std::vector<bool> settled(const ctl::CalibrationScene& scene, const Labelled& ro
 
 void judge(const Scenes& scenes, const Use& use, const std::string& model, std::vector<ctl::Candidate> candidates,
            double hours) {
-    if (!use.has_joint_domain)
-        for (ctl::Candidate& candidate : candidates) candidate.calibration.joint_domain = {};
+    if (!use.has_monitor)
+        for (ctl::Candidate& candidate : candidates) candidate.calibration.monitor = {};
     const ctl::CalibrationScene first = scenes.original();
     const Labelled named{.name = "", .channels = first.scene.sensors.front().channels, .sessions = {}, .rows = {}};
     std::vector<Course> courses;

@@ -44,9 +44,9 @@ std::vector<bool> is_frozen(const Candidate& candidate, const Labelled& rows) {
 namespace {
 
 struct Lost {
-    std::size_t samples = 0, good = 0, by_domain = 0, by_parity = 0, by_disagreement = 0;
+    std::size_t samples = 0, good = 0, by_monitor = 0, by_disagreement = 0;
     double frozen = 0;
-    bool has_domain = false, has_parity = false;
+    bool has_monitor = false;
 };
 
 Shares shares_of(const Candidate& candidate, const Labelled& rows, const sim::Scene& scene, const Expectation& e) {
@@ -57,19 +57,16 @@ Shares shares_of(const Candidate& candidate, const Labelled& rows, const sim::Sc
 
 void add(const Candidate& all, const sim::Scene& scene, const Expectation& e, Lost& lost) {
     const Labelled rows = ctl::rows_of(scene, ctl::kMaxOfScene);
-    Candidate none = all, domain = all, parity = all;
-    none.calibration.joint_domain = parity.calibration.joint_domain = {};
-    none.calibration.parity = domain.calibration.parity = {};
+    Candidate none = all;
+    none.calibration.monitor = {};
     const Shares without = shares_of(none, rows, scene, e);
     lost.samples += without.samples;
     lost.good += without.good;
     for (const auto& [reasons, n] : without.reasons)
         if (reasons == TACTILED_DISAGREEMENT || reasons == (TACTILED_DISAGREEMENT | TACTILED_UNKNOWN_UNCERTAINTY))
             lost.by_disagreement += n;
-    lost.by_domain += without.good - shares_of(domain, rows, scene, e).good;
-    lost.has_domain = all.calibration.joint_domain.limit > 0;
-    lost.has_parity = !all.calibration.parity.sd.empty();
-    if (lost.has_parity) lost.by_parity += without.good - std::min(without.good, shares_of(parity, rows, scene, e).good);
+    lost.by_monitor += without.good - shares_of(all, rows, scene, e).good;
+    lost.has_monitor = all.calibration.monitor.limit > 0;
     const std::vector<bool> frozen = is_frozen(all, rows);
     lost.frozen = std::max(lost.frozen, percent(std::size_t(std::count(frozen.begin(), frozen.end(), true)), frozen.size()));
 }
@@ -78,8 +75,8 @@ void add(const Candidate& all, const sim::Scene& scene, const Expectation& e, Lo
 
 void judge_lost(const std::string& folder, std::uint64_t first, std::uint64_t count, const std::string& name) {
     fmt::print(
-        "% of the GOOD samples without joint domain and parity: lost by the joint domain, by parity (on request); % of the "
-        "samples: disagreement alone (the method's own check), frozen\n");
+        "% of the GOOD samples without the monitor that are lost by it; % of the samples: "
+        " disagreement alone (the method's own check), frozen\n");
     std::map<std::string, Calibration> made;
     const auto judge = [&](const fs::path& path, const Expectation& e) {
         const std::string key = e.calibration + " " + e.method;
@@ -87,7 +84,6 @@ void judge_lost(const std::string& folder, std::uint64_t first, std::uint64_t co
         const bool is_made = e.calibration.starts_with("scene:");
         if (made.count(key) == 0 && is_made) {
             CalibrationOfScene of = calibration_of_scene(path.parent_path() / e.calibration.substr(6), e.method);
-            of.request.parity = true;
             made[key] = fit(ctl::calibration_rows(of.scene, e.max_rows), of.request).calibration;
         } else if (made.count(key) == 0) {
             Problems problems;
@@ -107,11 +103,10 @@ void judge_lost(const std::string& folder, std::uint64_t first, std::uint64_t co
         const auto cell = [&](bool has, std::size_t n, std::size_t of) {
             return has ? fmt::format("{:>8.2f}", percent(n, of)) : fmt::format("{:>8}", "none");
         };
-        fmt::print("{:<60} {:>9} {:>6.1f} | {} {} | {:>6.2f} {:>6.2f}\n",
+        fmt::print("{:<60} {:>9} {:>6.1f} | {} | {:>6.2f} {:>6.2f}\n",
                    fmt::format("{} {}, {} {}", path.stem().string(), e.sensor, e.calibration, e.method), lost.samples,
-                   percent(lost.good, lost.samples), cell(lost.has_domain, lost.by_domain, lost.good),
-                   cell(lost.has_parity, lost.by_parity, lost.good), percent(lost.by_disagreement, lost.samples),
-                   lost.frozen);
+                   percent(lost.good, lost.samples), cell(lost.has_monitor, lost.by_monitor, lost.good),
+                   percent(lost.by_disagreement, lost.samples), lost.frozen);
         std::fflush(stdout);
     };
     for (const fs::path& path : scenes_in(folder, name))

@@ -3,13 +3,12 @@
 //
 //   decouple_bench [--only MODEL/METHOD] [rounds]    ns a sample; all methods and levels take turns within a round
 //   decouple_bench --allocations                     exit 1 where a method allocates
-//   decouple_bench --only MODEL/METHOD --level none|domain|checks|parity --samples N [--plant slow]
+//   decouple_bench --only MODEL/METHOD --level none|monitor|checks --samples N [--plant slow]
 //                                                    just N samples, for decouple_instructions.py; --plant slow: 30 % more
 //
-// Levels: the method alone; with the joint domain of the calibration; with the delay in the sd, too, as the daemon does by
-// default ("checks"); with parity, too, which is on request. A warm reading is a block of 16 samples; the clock's own 30 ns
-// are spread over them. A cold one is one sample after 64 MB were written, which evict the caches; the clock's own time is
-// subtracted.
+// Levels: the method alone; with the monitor of the calibration; with the delay in the sd, too, as the daemon does by
+// default ("checks"). A warm reading is a block of 16 samples; the clock's own 30 ns are spread over them. A cold one is one
+// sample after 64 MB were written, which evict the caches; the clock's own time is subtracted.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <malloc.h>
@@ -150,13 +149,13 @@ void print(std::vector<Case>& cases) {
         std::sort(ns.begin(), ns.end());
         return fmt::format("{:.0f}", ns[std::size_t(share * double(ns.size() - 1))]);
     };
-    fmt::print("{:20}{:>8}{:>8}{:>8}{:>8}{:>8}{:>8}{:>8}   ns a sample; p99 to cold with checks\n", "", "alone", "domain",
-               "checks", "parity", "p99", "p99.9", "cold");
+    fmt::print("{:20}{:>8}{:>8}{:>8}{:>8}{:>8}{:>8}   ns a sample; p99 to cold with checks\n", "", "alone", "monitor",
+               "checks", "p99", "p99.9", "cold");
     for (Case& c : cases)
-        fmt::print("{:20}{:>8}{:>8}{:>8}{:>8}{:>8}{:>8}{:>8}\n", c.name, at(c.level[kNone], &Variant::warm_ns, .5),
-                   at(c.level[kDomain], &Variant::warm_ns, .5), at(c.level[kChecks], &Variant::warm_ns, .5),
-                   at(c.level[kParity], &Variant::warm_ns, .5), at(c.level[kChecks], &Variant::warm_ns, .99),
-                   at(c.level[kChecks], &Variant::warm_ns, .999), at(c.level[kChecks], &Variant::cold_ns, .5));
+        fmt::print("{:20}{:>8}{:>8}{:>8}{:>8}{:>8}{:>8}\n", c.name, at(c.level[kNone], &Variant::warm_ns, .5),
+                   at(c.level[kMonitor], &Variant::warm_ns, .5), at(c.level[kChecks], &Variant::warm_ns, .5),
+                   at(c.level[kChecks], &Variant::warm_ns, .99), at(c.level[kChecks], &Variant::warm_ns, .999),
+                   at(c.level[kChecks], &Variant::cold_ns, .5));
 }
 
 }  // namespace

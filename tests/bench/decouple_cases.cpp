@@ -18,12 +18,10 @@ using Forward = std::function<std::vector<double>(const Wrench&)>;
 Case case_of(const std::string& name, const Calibration& calibration, const std::string& method) {
     Case result;
     result.name = name;
-    for (const Level level : {kNone, kDomain, kChecks, kParity}) {
+    for (const Level level : {kNone, kMonitor, kChecks}) {
         Calibration part = calibration;
-        if (level == kDomain && part.joint_domain.limit == 0) continue;
-        if (level == kParity && part.parity.sd.empty()) continue;
-        if (level == kNone) part.joint_domain = {};
-        if (level != kParity) part.parity = {};
+        if (level == kMonitor && part.monitor.limit == 0) continue;
+        if (level == kNone) part.monitor = {};
         Variant& variant = result.level[level].emplace();
         variant.decoupler = make_decoupler(part, method);
         if (level < kChecks) continue;
@@ -117,7 +115,6 @@ Case fitted(const std::string& model, const std::string& method, const Labelled&
     FitRequest request;
     request.model = model;
     request.method = method;
-    request.parity = true;
     Case result = case_of(model + "/" + method, fit(rows, request).calibration, method);
     // Methods that model one contact point cannot follow a moving one: its readings would be doubtful, which is not
     // the usual case.

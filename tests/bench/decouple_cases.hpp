@@ -11,8 +11,8 @@
 namespace tactiled::testing {
 
 constexpr std::size_t kReadings = 1024;
-enum Level : std::size_t { kNone, kDomain, kChecks, kParity, kLevels };
-constexpr const char* kLevelNames[] = {"none", "domain", "checks", "parity"};
+enum Level : std::size_t { kNone, kMonitor, kChecks, kLevels };
+constexpr const char* kLevelNames[] = {"none", "monitor", "checks"};
 
 // A method with the checks of a level around it.
 struct Variant {

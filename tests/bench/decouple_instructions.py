@@ -2,7 +2,7 @@
 """Instructions a sample of every decoupling method but mlp (whose fit takes an hour under valgrind), counted by cachegrind: two runs of
 different length, the difference divided. Levels: decouple_bench.
 
-    decouple_instructions.py [--only MODEL/METHOD] [--levels none,checks,parity] [--plant slow] [--bench path of decouple_bench]
+    decouple_instructions.py [--only MODEL/METHOD] [--levels none,checks] [--plant slow] [--bench path of decouple_bench]
 """
 import argparse
 import concurrent.futures
@@ -25,7 +25,7 @@ def a_sample(bench, method, level, plant=""):
 def main():
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument("--only", default=",".join(METHODS))
-    arguments.add_argument("--levels", default="none,checks,parity")
+    arguments.add_argument("--levels", default="none,checks")
     arguments.add_argument("--plant", default="")
     arguments.add_argument("--bench", default="build/release/bin/decouple_bench")
     asked = arguments.parse_args()

@@ -45,9 +45,11 @@ class Check(unittest.TestCase):
             self.assertIn(said, done.stdout)
         safe = CONFIG.replace("channels = 3\n", 'channels = 3\nchecksum = "crc16"\ntime_us = true\n')
         safe = safe.replace("stale_ms", "rate_Hz = 100\nstale_ms").replace("frozen_after = 0", "frozen_after = 100")
-        self.assertIn("no joint domain", self.check(safe).stdout)
+        self.assertIn("no monitor", self.check(safe).stdout)
         joint = "joint_domain.mean = [0.0, 0.0, 0.0]\njoint_domain.whitening = [[1.0], [0.0, 1.0], [0.0, 0.0, 1.0]]\njoint_domain.limit = 9.0\n"
-        self.assertNotIn("warning", self.check(safe, CALIBRATION + joint).stdout)
+        self.assertIn("the joint domain of an older version", self.check(safe, CALIBRATION + joint).stdout)
+        monitor = "monitor.mean = [0.0, 0.0, 0.0]\nmonitor.scores = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]\nmonitor.limit = 9.0\n"
+        self.assertNotIn("warning", self.check(safe, CALIBRATION + monitor).stdout)
 
     def test_loads_that_the_channels_cannot_show_are_named(self):
         self.assertIn("a press beside the places of the calibration (3 channels, 5 unknowns)", self.check(CONFIG).stdout)
