@@ -194,6 +194,16 @@ void read_components(Options& file, Calibration& calibration) {
     calibration.zero_shift = file.numbers("zero_shift", kNotNegative, each);
 }
 
+void read_undetected_damage(Options& file, const std::vector<std::string>& channels, UndetectedDamage& damage) {
+    if (!file.has("undetected_damage")) return;
+    Options table = file.table("undetected_damage");
+    for (std::size_t kind = 0; kind < kDamageKinds.size(); ++kind) {
+        const char* const key = kDamageKinds[kind].key;
+        missing(table, key, "the share of each channel, 0 to 1");
+        damage.share[kind] = table.numbers(key, {0, 1}, as_many_as(channels));
+    }
+}
+
 // Reads the fit of the file itself, or of one of its [[other]] tables.
 void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
     fit.method = file.text("method", "");
@@ -212,6 +222,7 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
     fit.sd_unloading = file.numbers("sd_unloading", kNotNegative, each);
     fit.correlation = file.numbers("correlation", {-1, 1}, {2, 2});
     fit.held_out_rms = file.numbers("held_out_rms", kNotNegative, each);
+    read_undetected_damage(file, calibration.channels, fit.undetected_damage);
     if (file.has("parity_harmless")) (void)file.numbers("parity_harmless", kFinite);  // older, see read_older_checks
     if (file.has("sd_without")) (void)file.rows("sd_without");
     fit.matrix = file.rows("matrix");
@@ -301,6 +312,34 @@ Calibration parse_calibration(std::string_view text, const std::string& name, Pr
     }
     file.finish();
     return calibration;
+}
+
+double UndetectedDamage::mean(std::size_t kind) const noexcept {
+    double sum = 0;
+    for (const double one : share[kind]) sum += one;
+    return share[kind].empty() ? 0 : sum / double(share[kind].size());
+}
+
+std::size_t UndetectedDamage::worst_kind() const noexcept {
+    std::size_t worst = 0;
+    for (std::size_t kind = 1; kind < share.size(); ++kind)
+        if (mean(kind) > mean(worst)) worst = kind;
+    return worst;
+}
+
+std::size_t UndetectedDamage::worst_channel(std::size_t kind) const noexcept {
+    return std::size_t(std::max_element(share[kind].begin(), share[kind].end()) - share[kind].begin());
+}
+
+const UndetectedDamage& Calibration::undetected_damage_of(const std::string& name) const noexcept {
+    const UndetectedDamage* found = &undetected_damage;
+    for (const Fit& other : others) {
+        const UndetectedDamage& one = other.undetected_damage;
+        if (other.method == name && method != name) return one;
+        if (name != "auto" || !found->is_known()) continue;
+        if (!one.is_known() || one.mean(one.worst_kind()) > found->mean(found->worst_kind())) found = &one;
+    }
+    return *found;
 }
 
 Calibration Calibration::with_method(const std::string& name) const {

@@ -15,6 +15,29 @@ namespace tactiled {
 // fx fy fz in N, mx my mz in Nm, frame S.
 inline constexpr std::array<const char*, 6> kComponentNames{"fx", "fy", "fz", "mx", "my", "mz"};
 
+// Damage of one channel that a reading may not show. The order is that of UndetectedDamage::share.
+struct DamageKind {
+    const char *key, *text;  // key of the calibration file; as the predicate of a channel
+};
+inline constexpr std::array<DamageKind, 5> kDamageKinds{{{"stuck", "stuck at an earlier value"},
+                                                         {"half_gain", "at half gain"},
+                                                         {"drifting", "drifting by 30 % of its range"},
+                                                         {"exchanged", "exchanged with another"},
+                                                         {"zero", "dead at its zero"}}};
+
+// Share of the rows, 0 .. 1, in which a damaged channel moves a component by more than 10 % of full scale from the estimate
+// of the undamaged row, and the sample is GOOD; of the rows that are GOOD without damage. decoupling/fit/damage.hpp
+struct UndetectedDamage {
+    std::array<std::vector<double>, kDamageKinds.size()> share;  // [kind][channel]; empty = unknown
+
+    [[nodiscard]] bool is_known() const noexcept { return !share.front().empty(); }
+    // Returns the mean over the channels. kind: index of kDamageKinds
+    [[nodiscard]] double mean(std::size_t kind) const noexcept;
+    // Returns the kind with the largest mean, which counts for undetected_damage_limit, and the worst channel of a kind.
+    [[nodiscard]] std::size_t worst_kind() const noexcept;
+    [[nodiscard]] std::size_t worst_channel(std::size_t kind) const noexcept;
+};
+
 // The calibration data of one method for an individual sensor; each method documents the members that it needs.
 struct Fit {
     std::string method;                       // "matrix", "linear" ...
@@ -33,6 +56,7 @@ struct Fit {
     std::vector<double> correlation;
     // Per component: root mean square error on held-out rows, N or Nm; empty = unknown.
     std::vector<double> held_out_rms;
+    UndetectedDamage undetected_damage;
     double condition = 0;  // condition number of the scaled problem that was solved; 0 = unknown
     // Groups that were held out: "leave one session out (2 sessions)" ...; ends with kOwnZeros if each session had its own.
     static constexpr std::string_view kOwnZeros = ", each with its own zero";
@@ -113,6 +137,9 @@ struct Calibration : Fit {
     std::vector<std::string> taxel_files;
     std::vector<Calibration> taxels;
 
+    // Returns the undetected damage of the method that a sensor runs: "" = the calibration's own. Of "auto" it is that of
+    // the method with the largest mean, and unknown if it is unknown for one.
+    [[nodiscard]] const UndetectedDamage& undetected_damage_of(const std::string& name) const noexcept;
     // Returns this calibration with the fit of `name`, if it has one, and without the others.
     [[nodiscard]] Calibration with_method(const std::string& name) const;
 };

@@ -61,6 +61,10 @@ public:
         numbers("sd_unloading", fit.sd_unloading);
         numbers("correlation", fit.correlation);
         numbers("held_out_rms", fit.held_out_rms);
+        if (fit.undetected_damage.is_known())
+            for (std::size_t kind = 0; kind < kDamageKinds.size(); ++kind)
+                line(fmt::format("undetected_damage.{}", kDamageKinds[kind].key),
+                     toml_numbers(fit.undetected_damage.share[kind]));
         line("condition", toml_number(fit.condition));
         text("validation", fit.validation);
         for (const auto& [name, value] : fit.parameters) line("parameters." + toml_key(name), toml_number(value));

@@ -105,7 +105,9 @@ struct SensorTuning {
     std::string zero_after = "doubt";  // or "keep", "forget"
     bool accept_too_quiet = false;     // a device with less noise than in its calibration is the calibrated one
     bool accept_unproved_age = false;  // allows tares and weights although the stream would not reveal a delay
-    double filter_hz = 0;              // low pass on force and torque, 0 = off
+    // Share of readings that a damaged channel may leave GOOD and wrong, 0 .. 1.
+    double undetected_damage_limit = kUnlimited;
+    double filter_hz = 0;  // low pass on force and torque, 0 = off
     double contact_on_N = 0.5, contact_off_N = 0.25;
     double overload_N = 0;    // 0 = none
     std::string agrees_with;  // "" = no other sensor, or named by the other one

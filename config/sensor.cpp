@@ -111,6 +111,11 @@ const Fields<SensorSettings>& sensor_fields() {
          "The device may have less noise than a quarter of that at rest in its calibration, for instance "
          "because the calibration was recorded beside a running motor. Otherwise its numbers count as scaled by another "
          "range, unit, byte order or firmware (too-quiet)."},
+        {TACTILED_KEY(S, undetected_damage_limit), Default(d.undetected_damage_limit, "no limit"), range(0, 1), "",
+         "The share of readings of which a damaged channel may be GOOD and wrong by more than 10 % of full scale. The "
+         "sensor is UNCERTAIN (not-redundant) if its calibration states more, as the mean over the channels of the worst "
+         "kind "
+         "of damage, or states nothing: `tactilectl check` prints the number."},
         {TACTILED_KEY(S, zero_after), d.zero_after.c_str(), Choices{"keep", "doubt", "forget"},
          "The zero after the device may have been restarted or exchanged: its counter or clock has not gone on; it has "
          "neither, and its link was lost or it was silent for 1 s + stale_ms; a channel was missing for as long; or the "

@@ -169,7 +169,7 @@ Estimate Sensor::estimate(const Frame& frame, const Taxels& taxels, tactiled_sam
     if (patch_ != nullptr) follow_device(frame, estimate.has_value);
     // A dead channel has the reason FROZEN or IDLE_BUS, and not MISSING_CHANNEL as well.
     if (dead != 0 && is_complete) estimate.reasons &= ~std::uint32_t(TACTILED_MISSING_CHANNEL);
-    estimate.reasons |= of_stream;
+    estimate.reasons |= of_stream | tuning_->reasons;
     return estimate;
 }
 

@@ -128,6 +128,14 @@ tactiled_sensor directory_entry(const SensorSettings& settings, const Calibratio
                 entry.components |= 1u << c;
                 if (i < calibration.full_scale.size()) entry.full_scale[c] = float(calibration.full_scale[i]);
             }
+    const UndetectedDamage& damage = calibration.undetected_damage_of(settings.method);
+    entry.undetected_mean = entry.undetected_worst = std::numeric_limits<float>::quiet_NaN();
+    if (!damage.is_known()) return entry;
+    const std::size_t kind = damage.worst_kind(), channel = damage.worst_channel(kind);
+    entry.undetected_mean = float(damage.mean(kind));
+    entry.undetected_worst = float(damage.share[kind][channel]);
+    entry.undetected_channel = std::uint32_t(channel);
+    entry.undetected_kind = std::uint32_t(kind);
     return entry;
 }
 

@@ -44,6 +44,12 @@ void put_least_noise(const Calibration& calibration, double counts_per_unit, Tun
     }
 }
 
+// Returns true if the damage that a calibration leaves undetected is unknown or above the limit; never without a limit.
+bool is_above_limit(const UndetectedDamage& damage, double limit) {
+    if (limit == SensorTuning::kUnlimited) return false;
+    return !damage.is_known() || damage.mean(damage.worst_kind()) > limit;
+}
+
 }  // namespace
 
 Tuning tuning_of(const SensorSettings& settings, const Calibration& calibration, const std::vector<int>& channel_of_frame,
@@ -59,6 +65,8 @@ Tuning tuning_of(const SensorSettings& settings, const Calibration& calibration,
                                       : tuning.noisy && !settings.temperature.empty() ? unsigned(kFrozenAfter)
                                                                                       : 0;
     put_frozen(calibration, tuning);
+    if (is_above_limit(calibration.undetected_damage_of(settings.method), settings.undetected_damage_limit))
+        tuning.reasons |= TACTILED_NOT_REDUNDANT;
     put_least_noise(calibration, settings.counts_per_unit, tuning);
     tuning.tare_limit_of_magnitude_N = std::max(0.0, settings.tare_limit_N);
     for (std::size_t c = 0; c < tuning.tare_limit_of_component_N.size() && settings.tare_limit_N < 0; ++c)

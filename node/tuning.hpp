@@ -34,6 +34,8 @@ struct Tuning : SensorTuning {
     // Limit of a new zero relative to the calibration's: each component's of the force, and of the magnitude; 0 = none.
     std::array<double, 3> tare_limit_of_component_N{};
     double tare_limit_of_magnitude_N = 0;
+    // Reasons that each sample has, from the calibration and the keys alone.
+    std::uint32_t reasons = 0;
     // Known delay of converter and transmission of each channel of the model: part of the standard deviation (latency.hpp).
     // Empty = none.
     std::vector<double> delay_s;

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "decoupling/accuracy.hpp"
+#include "decoupling/fit/damage.hpp"
 #include "decoupling/fit/groups.hpp"
 #include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/monitor_fit.hpp"
@@ -272,6 +273,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
                             component.name, component.held_out_rms, component.spread, component.name,
                             validation.by_sessions ? ", or a session has another unit, gain or order of the channels" : ""));
     }
+    if (!remembers) set_undetected_damage(rows, calibration);
     for (const auto& [name, value] : request.parameters)
         if (std::none_of(all_fitted.begin(), all_fitted.end(), [&, key = name, wanted = value](const Trial* one) {
                 return one->calibration.parameters.count(key) != 0 && one->calibration.parameters.at(key) == wanted;

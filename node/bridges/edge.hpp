@@ -58,6 +58,7 @@ inline constexpr ReasonEdge kReasonEdges[] = {
     {TACTILED_UNCALIBRATED, kConfigurationAndCalibration},
     {TACTILED_UNKNOWN_UNCERTAINTY, kConfigurationAndCalibration},
     {TACTILED_TOO_QUIET, kConfigurationAndCalibration},
+    {TACTILED_NOT_REDUNDANT, kConfigurationAndCalibration},
     {TACTILED_ZERO_UNKNOWN, kSettings},
     {TACTILED_ZERO_OLD, kSettings},
     {TACTILED_SATURATED, kSaturation},

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <cmath>
 #include <limits>
 #include <memory>
 #include <string>
@@ -13,6 +14,7 @@
 #include "decoupling/latency.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/doctor/doctor.hpp"
+#include "node/ctl/status_text.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/setup.hpp"
 
@@ -48,6 +50,16 @@ std::string age_of_zero(const Calibration& calibration) {
     return fmt::format("its sd grows by {:.2g} {} in each hour ({}, {}), and it is old {:.1f} h after a tare or free rest",
                        3600 * rates.per_s[first], first < 3 ? "N" : "Nm", kComponentNames[first],
                        calibration.zero_rate_per_h.empty() ? "assumed: the sd of the force" : "zero_rate_per_h", hours);
+}
+
+// Returns the undetected damage of a channel, and whether it is above the limit.
+std::string damage_of(const Node& node, std::size_t i, const Calibration& calibration) {
+    const tactiled_undetected undetected = tactiled_undetected_in(&node.plan.sensors[i]);
+    const bool is_known = std::isfinite(undetected.mean);
+    const std::string text = damage_text(undetected, is_known ? calibration.channels[undetected.channel] : "");
+    const double limit = node.config.sensors[i].undetected_damage_limit;
+    if (limit == SensorTuning::kUnlimited || (is_known && double(undetected.mean) <= limit)) return text;
+    return fmt::format("{}; above undetected_damage_limit = {}, so it is UNCERTAIN (not-redundant)", text, limit);
 }
 
 struct Args {
@@ -101,6 +113,7 @@ int check(const Args& args) {
         const Calibration calibration = patch != nullptr ? patch->with_zero_of_taxels(stated) : stated;
         if (const std::string age = age_of_zero(calibration); !age.empty())
             fmt::print("sensor \"{}\": zero: {}\n", sensor.name, age);
+        if (patch == nullptr) fmt::print("sensor \"{}\": {}\n", sensor.name, damage_of(node, i, calibration));
         if (patch == nullptr && calibration.channels.size() > 1 &&
             (calibration.monitor.limit == 0 || calibration.monitor.is_older))
             fmt::print(

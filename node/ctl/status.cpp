@@ -7,6 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "config/calibration.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/ctl/grasp_text.hpp"
 #include "node/ctl/liveness.hpp"
@@ -106,6 +107,10 @@ std::string as_text(const Segment& segment, const Snapshot& snapshot) {
         else
             out += remedy_lines(segment.sensor(i).name, snapshot.sensor[i].reasons);
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += age_line(segment, i);
+    for (std::uint32_t i = 0; i < segment.n_sensors(); ++i)
+        if (!segment.has_array(i))
+            out += fmt::format("damage of {}: {}\n", segment.sensor(i).name,
+                               damage_text(tactiled_undetected_of(segment.c(), i)));
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += auto_lines(segment, i, snapshot.sensor[i]);
     for (std::uint32_t i = 0; i < segment.n_sensors(); ++i) out += reason_line(segment, i);
     for (std::uint32_t i = 0; i < segment.n_links(); ++i) {
@@ -154,6 +159,23 @@ double age_ms(const tactiled_sample& s, std::uint64_t now_ns) {
 double age_bound_ms(const Segment& segment, std::uint32_t i) {
     const std::uint32_t bound_us = tactiled_age_bound_us_of(segment.c(), i);
     return bound_us == TACTILED_AGE_UNBOUNDED ? std::numeric_limits<double>::quiet_NaN() : bound_us / 1e3;
+}
+
+std::string damage_text(const tactiled_undetected& undetected, std::string channel) {
+    if (!std::isfinite(undetected.mean) || undetected.kind >= kDamageKinds.size())
+        return "undetected damage of a channel is unknown: calibrate again";
+    if (channel.empty()) channel = fmt::format("number {} of the calibration", undetected.channel + 1);
+    return fmt::format("a channel {} is GOOD and wrong in {:.1f} % of readings (mean over the channels; {}: {:.1f} %)",
+                       kDamageKinds[undetected.kind].text, 100 * double(undetected.mean), channel,
+                       100 * double(undetected.worst));
+}
+
+nlohmann::json damage_json(const tactiled_undetected& undetected) {
+    if (!std::isfinite(undetected.mean) || undetected.kind >= kDamageKinds.size()) return nullptr;
+    return {{"kind", kDamageKinds[undetected.kind].key},
+            {"mean", undetected.mean},
+            {"worst", undetected.worst},
+            {"worst_channel", undetected.channel}};
 }
 
 const char* link_word(const tactiled_link& link, const Liveness& liveness) {
@@ -218,6 +240,8 @@ nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot) {
                               {"tare_count", s.tare_count}};
         for (unsigned bit = 0; bit < kReasonWords.size(); ++bit)
             sensor["samples"][kReasonWords[bit]] = tactiled_reason_count(segment.c(), i, bit);
+        if (nlohmann::json damage = damage_json(tactiled_undetected_of(segment.c(), i)); !damage.is_null())
+            sensor["undetected_damage"] = std::move(damage);
         if (segment.has_array(i)) sensor["taxels"] = segment.c()->array[i].n_taxels;
         if (nlohmann::json front = auto_json(segment, i, s); !front.is_null()) sensor["auto"] = std::move(front);
         out["sensors"].push_back(std::move(sensor));

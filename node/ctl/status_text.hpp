@@ -17,6 +17,10 @@ std::string number(double value, int width, int digits);
 double age_ms(const tactiled_sample& s, std::uint64_t now_ns);
 // Returns the largest possible age of the newest frame of sensor `i`, in ms; NaN if it is not known.
 double age_bound_ms(const Segment& segment, std::uint32_t i);
+// Returns the undetected damage that a sensor's calibration states, as a sentence; `channel`: name of its worst channel, ""
+// = its number.
+std::string damage_text(const tactiled_undetected& undetected, std::string channel = "");
+nlohmann::json damage_json(const tactiled_undetected& undetected);  // null if it is unknown
 // Returns "open", "closed", or "not read" if no daemon runs.
 const char* link_word(const tactiled_link& link, const Liveness& liveness);
 // Returns the remedies for those of the reasons that a new user meets first, one line each, after the sensor's name.

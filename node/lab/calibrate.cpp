@@ -98,6 +98,29 @@ void print_claims(const FitReport& report) {
         fmt::print("no drift of the zero was seen: its growth is assumed, the sd in an hour\n");
 }
 
+// Prints the damage of one channel that no check of a sample finds.
+void print_damage(const Calibration& calibration) {
+    constexpr double kNone = 0.01;  // share of the readings
+    const UndetectedDamage& damage = calibration.undetected_damage;
+    if (!damage.is_known()) return;
+    double worst = 0;
+    for (const auto& shares : damage.share) worst = std::max(worst, *std::max_element(shares.begin(), shares.end()));
+    if (worst <= kNone) {
+        fmt::print("one damaged channel: at most {:.1f} % of readings are GOOD and off by more than 10 % of full scale\n",
+                   100 * worst);
+        return;
+    }
+    fmt::print("one damaged channel: readings that are GOOD and off by more than 10 % of full scale\n");
+    for (std::size_t kind = 0; kind < kDamageKinds.size(); ++kind) {
+        const std::size_t k = damage.worst_channel(kind);
+        fmt::print("  {:<29} {:>5.1f} % as a mean over the channels, {:>5.1f} % {}\n", kDamageKinds[kind].text,
+                   100 * damage.mean(kind), 100 * damage.share[kind][k], calibration.channels[k]);
+    }
+    fmt::print(
+        "  The other channels do not contradict these readings. More channels, a second sensor (agrees_with) or a known "
+        "weight (weigh known) would; undetected_damage_limit makes such a sensor UNCERTAIN.\n");
+}
+
 void print_report(const FitReport& report, const Settings& settings) {
     const Calibration& calibration = report.calibration;
     fmt::print("{}: model {}, method {}, {} channels\n", settings.out, calibration.model, calibration.method,
@@ -152,8 +175,21 @@ void print_report(const FitReport& report, const Settings& settings) {
     fmt::print("condition number: {:.3g}\n", calibration.condition);
     if (const Temperature& t = calibration.temperature; !t.zero_per_K.empty())
         fmt::print("temperature: {:.1f} to {:.1f} degC\n", t.range_C[0], t.range_C[1]);
+    print_damage(calibration);
     print_warnings(report.warnings);
     fmt::print("To use it, paste into the configuration:\n\n{}", sensor_text(report, settings));
+}
+
+nlohmann::json damage_json(const Calibration& calibration) {
+    const UndetectedDamage& damage = calibration.undetected_damage;
+    if (!damage.is_known()) return nullptr;
+    nlohmann::json json{{"worst_kind", kDamageKinds[damage.worst_kind()].key}};
+    for (std::size_t kind = 0; kind < kDamageKinds.size(); ++kind) {
+        nlohmann::json& one = json[kDamageKinds[kind].key] = {{"mean", damage.mean(kind)}};
+        for (std::size_t k = 0; k < calibration.channels.size(); ++k)
+            one["channels"][calibration.channels[k]] = damage.share[kind][k];
+    }
+    return json;
 }
 
 void print_json(const FitReport& report, const Settings& settings) {
@@ -178,6 +214,7 @@ void print_json(const FitReport& report, const Settings& settings) {
                         {"parameters", report.calibration.parameters},
                         {"sensor", sensor_text(report, settings)},
                         {"components", nlohmann::json::array()},
+                        {"undetected_damage", damage_json(report.calibration)},
                         {"warnings", report.warnings}};
     for (std::size_t i = 0; i < report.components.size(); ++i) {
         const ComponentReport& c = report.components[i];

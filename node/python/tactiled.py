@@ -54,12 +54,12 @@ NO_VALUE, GOOD, UNCERTAIN, BAD = range(4)  # Sample.quality
 (NO_DATA_YET, STALE, DISCONNECTED, MISSING_CHANNEL, SATURATED, DISAGREEMENT, OUTSIDE_DOMAIN, UNCALIBRATED, NOT_FINITE,
  DAEMON_STOPPED, TARING, READER_OVERRUN, WRONG_DEVICE, UNKNOWN_UNCERTAINTY, FROZEN, STEPPED, IDLE_BUS, WRONG_RATE,
  DRIFTED, SENSORS_DIFFER, UNPROVED_AGE, ARRIVAL_ONLY, ZERO_UNKNOWN, GLITCHES,
- ZERO_OLD, TOO_QUIET) = (1 << bit for bit in range(26))
+ ZERO_OLD, TOO_QUIET, NOT_REDUNDANT) = (1 << bit for bit in range(27))
 REASON_WORDS = (  # from bit 0 on, as tactilectl prints them
     "no-data-yet", "stale", "disconnected", "missing-channel", "saturated", "disagreement", "outside-domain",
     "uncalibrated", "not-finite", "stopped", "taring", "reader-overrun", "wrong-device", "sd-unknown",
     "frozen", "stepped", "idle-bus", "wrong-rate", "drifted", "sensors-differ", "unproved-age", "arrival-only",
-    "zero-unknown", "glitches", "zero-old", "too-quiet")
+    "zero-unknown", "glitches", "zero-old", "too-quiet", "not-redundant")
 FRESHNESS = ("unknown", "request", "cable", "clock", "sequence", "arrival")  # words for Info.freshness
 AGE_UNBOUNDED = 0xFFFFFFFF  # Info.age_bound_us: that or more, or not known
 
@@ -129,7 +129,8 @@ _HEADER = _Struct(
 _SENSOR = _Struct(
     "name:32s model:32s method:32s serial:32s link:32s ring:5I stale_ms:I n_channels:I components:I full_scale:6f "
     "budget_us:f first_method:I methods:128s method_us:8f method_error:8f count:32I freshness:I "
-    "age_bound_us:I arrays:5I n_taxels:I taxel_components:I taxel_rows:I taxel_columns:I taxel_place_offset:I")
+    "age_bound_us:I arrays:5I n_taxels:I taxel_components:I taxel_rows:I taxel_columns:I taxel_place_offset:I "
+    "undetected_mean:f undetected_worst:f undetected_channel:I undetected_kind:I")
 _SENSOR_SIZE_1_0, _SENSOR_SIZE_1_8 = 216, 552
 _SAMPLE = _Struct(
     "sequence:Q t_ns:Q t_published_ns:Q epoch:I quality:I reasons:I device_sequence:I missing:I saturated:I "
@@ -467,6 +468,8 @@ class _Segment:
         entry = self.read(at, min(h.sensor_size, _SENSOR.size)).ljust(_SENSOR.size, b"\0")  # the entry of an older
                                                                                             # daemon is shorter
         info = SensorInfo._make(_SENSOR.texts(entry, 0))
+        if h.sensor_size < _SENSOR.size:
+            info = info._replace(undetected_mean=math.nan, undetected_worst=math.nan)
         return info if h.sensor_size >= _SENSOR_SIZE_1_8 else info._replace(age_bound_us=AGE_UNBOUNDED)
 
     def info(self, sensor):

@@ -146,6 +146,7 @@ std::string hello_message(const View& view, const std::string& run, bool has_com
                                   {"stale_ms", s.stale_ms},
                                   {"components", s.components},
                                   {"full_scale", s.full_scale},
+                                  {"damage", ctl::damage_json(tactiled_undetected_of(segment.c(), i))},
                                   {"taxels", segment.has_array(i) ? segment.c()->array[i].n_taxels : 0}});
     }
     for (std::uint32_t i = 0; i < view.n_links(); ++i)

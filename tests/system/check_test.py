@@ -51,6 +51,18 @@ class Check(unittest.TestCase):
         monitor = "monitor.mean = [0.0, 0.0, 0.0]\nmonitor.scores = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]\nmonitor.limit = 9.0\n"
         self.assertNotIn("warning", self.check(safe, CALIBRATION + monitor).stdout)
 
+    def test_the_undetected_damage_of_a_calibration_is_stated_and_limited(self):
+        self.assertIn("undetected damage of a channel is unknown: calibrate again", self.check(CONFIG).stdout)
+        damage = "".join(f"undetected_damage.{kind} = [0.0, 0.0, {share}]\n"
+                         for kind, share in (("stuck", 0.03), ("half_gain", 0.6), ("drifting", 0.3), ("exchanged", 0.0), ("zero", 0.0)))
+        states = 'sensor "left": a channel at half gain is GOOD and wrong in 20.0 % of readings (mean over the channels; c3: 60.0 %)'
+        self.assertIn(states + "\n", self.check(CONFIG, CALIBRATION + damage).stdout)
+        limited = CONFIG.replace("stale_ms", "undetected_damage_limit = 0.1\nstale_ms")
+        self.assertIn(states + "; above undetected_damage_limit = 0.1, so it is UNCERTAIN (not-redundant)",
+                      self.check(limited, CALIBRATION + damage).stdout)
+        self.assertNotIn("not-redundant", self.check(limited.replace("= 0.1", "= 0.21"), CALIBRATION + damage).stdout)
+        self.assertIn("not-redundant", self.check(limited.replace("= 0.1", "= 1"), CALIBRATION).stdout)
+
     def test_loads_that_the_channels_cannot_show_are_named(self):
         self.assertIn("a press beside the places of the calibration (3 channels, 5 unknowns)", self.check(CONFIG).stdout)
         self.assertNotIn("change of the load", self.check(CONFIG).stdout)

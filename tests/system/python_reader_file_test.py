@@ -2,6 +2,7 @@
 """node/python/tactiled.py on files: a segment that is cut, foreign, from another version, or overwritten while it is
 read."""
 import itertools
+import math
 import os
 import pathlib
 import signal
@@ -129,6 +130,7 @@ class AFile(unittest.TestCase):
             with tactiled.open(copy.write()) as node:
                 info = node.info("left")
                 self.assertEqual((tactiled.FRESHNESS[info.freshness], info.age_bound_us), ("cable", tactiled.AGE_UNBOUNDED))
+                self.assertTrue(math.isnan(info.undetected_mean) and math.isnan(info.undetected_worst))
 
     def test_of_version_1_0_is_read_and_its_sensors_have_no_methods(self):
         with a_copy(self.data) as copy:

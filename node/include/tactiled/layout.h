@@ -82,9 +82,11 @@ enum tactiled_reason {
     TACTILED_ARRIVAL_ONLY = 1 << 21, /* no clock and no counter would show a delay; the value may be GOOD */
     TACTILED_ZERO_UNKNOWN = 1 << 22, /* the tare in force was lost, or the calibration needs one: tare it */
     /* Since 1.8: */
-    TACTILED_GLITCHES = 1 << 23, /* more than 1 % of the values of 10 s, and more than 2, were wrong for one sample */
-    TACTILED_ZERO_OLD = 1 << 24, /* the standard deviation of the zero is above 10 % of a component's full scale */
-    TACTILED_TOO_QUIET = 1 << 25 /* less noise than in the calibration: another range, unit, order of bytes or firmware */
+    TACTILED_GLITCHES = 1 << 23,  /* more than 1 % of the values of 10 s, and more than 2, were wrong for one sample */
+    TACTILED_ZERO_OLD = 1 << 24,  /* the standard deviation of the zero is above 10 % of a component's full scale */
+    TACTILED_TOO_QUIET = 1 << 25, /* less noise than in the calibration: another range, unit, order of bytes or firmware */
+    /* Since 1.9: */
+    TACTILED_NOT_REDUNDANT = 1 << 26 /* a damaged channel stays undetected more often than undetected_damage_limit allows */
 };
 
 /* ---- verdict ----
@@ -156,6 +158,10 @@ enum tactiled_use {
       "the zero was last known too long ago", "tare it without a load, or let it rest")                                     \
     X(UNKNOWN_UNCERTAINTY, "sd-unknown", TACTILED_UNCERTAIN, 12, "NO_UNCERTAINTY", TACTILED_ZC_ | TACTILED_FOR_WEIGHT,      \
       "uncertainty unknown", "see its other reasons, or calibrate with loads that determine the uncertainty")               \
+    X(NOT_REDUNDANT, "not-redundant", TACTILED_UNCERTAIN, 26, "NOT_REDUNDANT", TACTILED_ZC_ | TACTILED_FOR_WEIGHT,          \
+      "damage of a channel may be undetected, more often than undetected_damage_limit allows",                              \
+      "calibrate it again with more channels, or let a second sensor check it (agrees_with) and raise "                     \
+      "undetected_damage_limit")                                                                                            \
     X(READER_OVERRUN, "reader-overrun", TACTILED_BAD, 13, "OVERRUN", 0, "internal: read overrun", "read again")             \
     X(TARING, "taring", TACTILED_GOOD, 0, "", TACTILED_ZC_ | TACTILED_FOR_WEIGHT, "a tare is being measured",               \
       "wait until the tare ends")                                                                                           \
@@ -513,6 +519,15 @@ struct tactiled_ring {
 };
 #define TACTILED_RECORD_OFFSET 8 /* offset of the record in its slot */
 
+/* Damage of one channel: tactiled_sensor.undetected_kind. Since 1.9. */
+enum tactiled_damage {
+    TACTILED_DAMAGE_STUCK = 0, /* at an earlier value */
+    TACTILED_DAMAGE_HALF_GAIN = 1,
+    TACTILED_DAMAGE_DRIFTING = 2,  /* by 30 % of its range */
+    TACTILED_DAMAGE_EXCHANGED = 3, /* with another channel */
+    TACTILED_DAMAGE_ZERO = 4       /* dead at its zero */
+};
+
 /* One sensor of the directory. Name, model, link, ring and stale_ms are constant while the segment exists.
  * `count` changes, and since 1.3 the other fields change when the daemon reloads its configuration: see
  * tactiled_header.reloads. */
@@ -547,6 +562,10 @@ struct tactiled_sensor {
     uint32_t taxel_components;          /* bits 0..2: fx fy fz of a taxel are measured */
     uint32_t taxel_rows, taxel_columns; /* a grid: taxel i is in row i / columns, column i % columns; 0 = a list */
     uint32_t taxel_place_offset;        /* offset of float[n_taxels][6] in the file: place, m, and normal; frame S */
+    /* The calibration states for the kind of damage with the largest mean over the channels the share of readings, 0 .. 1,
+     * that are GOOD and moved by more than 10 % of full scale. NaN = not known: call tactiled_undetected_of(). */
+    float undetected_mean, undetected_worst;      /* over the channels, of the worst channel */
+    uint32_t undetected_channel, undetected_kind; /* number of the worst channel in the calibration; enum tactiled_damage */
 };
 #define TACTILED_SENSOR_SIZE_1_0 216u
 #define TACTILED_SENSOR_SIZE_1_1 416u
@@ -715,7 +734,7 @@ TACTILED_ASSERT(sizeof(struct tactiled_placed) == 248);
 TACTILED_ASSERT(sizeof(struct tactiled_grasp) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_tool) == 976);
 TACTILED_ASSERT(sizeof(struct tactiled_node) == 1440);
-TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 592);
+TACTILED_ASSERT(sizeof(struct tactiled_sensor) == 608);
 TACTILED_ASSERT(sizeof(struct tactiled_array) == 304);
 TACTILED_ASSERT(sizeof(struct tactiled_link) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_frame) == 296);

@@ -102,6 +102,26 @@ static inline uint32_t tactiled_age_bound_us_of(const struct tactiled_segment* s
     if (segment->sensor_size < TACTILED_SENSOR_SIZE_1_8) return TACTILED_AGE_UNBOUNDED;
     return __atomic_load_n(&tactiled_sensor_of(segment, index)->age_bound_us, __ATOMIC_RELAXED);
 }
+/* The undetected damage that a sensor's calibration states: the members of tactiled_sensor of these names. */
+struct tactiled_undetected {
+    float mean, worst; /* NaN if the calibration or the daemon (before 1.9) states none */
+    uint32_t channel, kind;
+};
+static inline struct tactiled_undetected tactiled_undetected_in(const struct tactiled_sensor* sensor) {
+    struct tactiled_undetected found;
+    found.mean = sensor->undetected_mean;
+    found.worst = sensor->undetected_worst;
+    found.channel = sensor->undetected_channel;
+    found.kind = sensor->undetected_kind;
+    return found;
+}
+static inline struct tactiled_undetected tactiled_undetected_of(const struct tactiled_segment* segment, uint32_t index) {
+    struct tactiled_undetected unknown;
+    memset(&unknown, 0, sizeof unknown);
+    unknown.mean = unknown.worst = __builtin_nanf("");
+    if (segment->sensor_size < sizeof(struct tactiled_sensor)) return unknown;
+    return tactiled_undetected_in(tactiled_sensor_of(segment, index));
+}
 /* Returns the array of a sensor; one without slots if it has none. */
 static inline struct tactiled_array_plan tactiled_array_of(const struct tactiled_segment* segment, uint32_t index) {
     const struct tactiled_sensor* const sensor = tactiled_sensor_of(segment, index);

@@ -199,6 +199,26 @@ std::string domain(const FitReport& report) {
     return text + "<h2>Parameters</h2>\n" + html_table(rows, "parameters");
 }
 
+std::string damage(const Calibration& calibration) {
+    const UndetectedDamage& damage = calibration.undetected_damage;
+    if (!damage.is_known()) return "";
+    std::vector<std::string> head{"channel"};
+    for (const DamageKind& kind : kDamageKinds) head.emplace_back(kind.text);
+    std::string rows = html_row(head, "th");
+    const auto add = [&](const std::string& name, const auto& share_of) {
+        std::vector<std::string> cells{html_text(name)};
+        for (std::size_t kind = 0; kind < kDamageKinds.size(); ++kind) cells.push_back(percent(share_of(kind)));
+        rows += html_row(cells);
+    };
+    for (std::size_t k = 0; k < calibration.channels.size(); ++k)
+        add(calibration.channels[k], [&](std::size_t kind) { return damage.share[kind][k]; });
+    add("mean", [&](std::size_t kind) { return damage.mean(kind); });
+    return "<h2>Undetected damage of a channel</h2>\n<p>Share of the readings that stay GOOD although the damage moves a "
+           "component by more than 10 % of full scale: the other channels do not contradict them. A channel is exchanged "
+           "with each of the others in turn, drawn for each reading.</p>\n" +
+           html_table(rows, "damage");
+}
+
 constexpr const char* kHowToRead = R"(<h2>How to read the numbers</h2>
 <ul>
 <li>Forces are in N and torques in Nm, in the sensor's frame; a press has negative fz.</li>
@@ -225,7 +245,7 @@ std::string html_report(const FitReport& report, const std::string& title) {
     page += html_within(report) + sessions(report) + html_zeros(report) + html_loading(report) + crosstalk(report);
     page += "<h2>Coverage of the loads</h2>\n<p>The loads of the labelled rows that have all channels.</p>\n" +
             html_coverage(report);
-    return html_page(title, page + conditioning(report) + domain(report) + kHowToRead);
+    return html_page(title, page + conditioning(report) + domain(report) + damage(report.calibration) + kHowToRead);
 }
 
 }  // namespace tactiled

@@ -150,6 +150,7 @@ class Card {
     this.plots = [new Plot(force, this.past, 0, "N"), new Plot(torque, this.past, 3, "Nm")];
     this.facts = Object.fromEntries([...box.querySelectorAll("[data-fact]")].map((e) => [e.dataset.fact, e]));
     put(this.facts.model, `${about.model}, ${about.method}${about.serial ? `, ${about.serial}` : ""}, link ${about.link}`);
+    put(this.facts.damage, about.damage ? `${(100 * about.damage.mean).toFixed(1)} %, ${about.damage.kind.replace("_", " ")}` : "–");
     find(".buttons").hidden = !hello.commands;
     for (const button of box.querySelectorAll("button")) {
       button.dataset.sensor = about.name;

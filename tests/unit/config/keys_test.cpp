@@ -73,7 +73,7 @@ TEST(Keys, AreUniqueAndExplained) {
             EXPECT_NE(key.name.find("_" + std::string(key.unit == "Hz" ? "hz" : key.unit)), std::string::npos) << key.name;
         }
     });
-    EXPECT_EQ(seen.size(), 106u);
+    EXPECT_EQ(seen.size(), 107u);
 }
 
 TEST(Keys, AValueOfAnotherTypeIsAnErrorOfThatKey) {
@@ -154,6 +154,7 @@ TEST(Keys, AReloadChangesWhatIsTunedAndCalibrated) {
                                          "agree_ms",
                                          "zero_after",
                                          "accept_too_quiet",
+                                         "undetected_damage_limit",
                                          "accept_unproved_age",
                                          "temperature_frozen_after",
                                          "temperature_jump_K"};

@@ -34,6 +34,7 @@ const std::map<std::string, Example> kExamples = {
     {"tare_limit_N", {"tare_limit_N = 0.05", "accept_unproved_age = true"}},
     {"accept_unproved_age", {"accept_unproved_age = true"}},
     {"accept_too_quiet", {"accept_too_quiet = true", "accept_too_quiet = false"}},
+    {"undetected_damage_limit", {"undetected_damage_limit = 0.5"}},
     {"zero_after", {"zero_after = \"keep\""}},
     {"filter_hz", {"filter_hz = 2"}},
     {"contact_on_N", {"contact_on_N = 2"}},

@@ -1,4 +1,6 @@
 // The segment between writer and reader, in real shared memory: reads and refusals.
+#include <cmath>
+
 #include "segment_fixture.hpp"
 
 namespace tactiled {
@@ -287,6 +289,7 @@ TEST_F(SegmentTest, TheBoundOfAnAgeIsRoundedUpSaturatesAndIsNotKnownFromAnOlderD
     const Segment old = Segment::open(name_);
     EXPECT_EQ(tactiled_freshness_of(old.c(), 0), unsigned(TACTILED_BY_CABLE));
     EXPECT_EQ(tactiled_age_bound_us_of(old.c(), 0), TACTILED_AGE_UNBOUNDED);
+    EXPECT_TRUE(std::isnan(tactiled_undetected_of(old.c(), 0).mean)) << "not 0, which would be the best";
 }
 
 TEST_F(SegmentTest, AFileThatOthersMayWriteIsNoDaemons) {
