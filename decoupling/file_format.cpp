@@ -1,6 +1,7 @@
 #include "decoupling/file_format.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "config/options.hpp"
 
@@ -41,8 +42,9 @@ constexpr Format kFormats[] = {
     {"ARROW1"sv, ""sv, "feather (Arrow)", PANDAS("read_feather(sys.argv[1])")},
     {"FEA1"sv, ""sv, "feather (Arrow)", PANDAS("read_feather(sys.argv[1])")},
     {"\x89MCAP0"sv, ""sv, "a recording in MCAP",
-     "tactilectl replay --in {0} --help, if tactilectl record made it; ros2 topic echo --csv TOPIC > labelled.csv beside "
-     "ros2 bag play {0}, if ROS 2 did"},
+     "ros2 topic echo --csv TOPIC > labelled.csv, beside ros2 bag play {0}; one that tactilectl made: tactilectl replay {0} "
+     "--out "
+     "forces.csv"},
     {"#ROSBAG"sv, ""sv, "a rosbag of ROS 1", "rostopic echo -b {0} -p TOPIC > labelled.csv"},
     {"SQLite format 3"sv, ""sv, "SQLite (a bag of ROS 2?)",
      "ros2 topic echo --csv TOPIC > labelled.csv, beside ros2 bag play {0}; another one: sqlite3 -header -csv {0} 'SELECT * "
@@ -82,12 +84,19 @@ constexpr Format kFormats[] = {
 
 #undef PANDAS
 
+// " with the topics /skin /wrench"
+std::string topics_of(std::string_view format, const std::string& path) {
+    const std::vector<std::string> topics =
+        format.find("MCAP") == format.npos ? std::vector<std::string>() : mcap_topics(path);
+    return topics.empty() ? "" : fmt::format(" with the topics {}", fmt::join(topics, " "));
+}
+
 }  // namespace
 
 std::string other_format(std::string_view first_bytes, const std::string& path) {
     for (const Format& format : kFormats)
         if (first_bytes.starts_with(format.magic) && first_bytes.find(format.later) != std::string_view::npos)
-            return fmt::format("is {}, not CSV; convert it: {}", format.name,
+            return fmt::format("is {}{}, not CSV; convert it: {}", format.name, topics_of(format.name, path),
                                fmt::format(fmt::runtime(format.convert), path == "-" ? "FILE" : path));
     return "";
 }
