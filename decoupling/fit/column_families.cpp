@@ -49,6 +49,40 @@ std::optional<Shape> shape_of(const std::string& text) {
     return Shape{before, true};
 }
 
+// "ch#_mV" of ch12_mV, "m@#" of mz3, "S#_@" of S1_x: numbers and axes are the same for all channels.
+std::string pattern_of(const std::string& text) {
+    const std::string stem = column_name(text).stem;
+    const auto is = [](char c, std::string_view set) { return set.find(c) != set.npos; };
+    constexpr std::string_view kDigits = "0123456789", kAxes = "xyzXYZ", kMarks = " _-.[]()";
+    std::string pattern;
+    for (std::size_t i = 0; i < stem.size(); ++i) {
+        const bool is_last = i + 1 == stem.size();
+        const bool before_index = is_last || is(stem[i + 1], kDigits) || is(stem[i + 1], kMarks);
+        if (is(stem[i], kDigits)) {
+            if (!pattern.ends_with('#')) pattern += '#';
+        } else {
+            pattern += is(stem[i], kAxes) && before_index ? '@' : stem[i];
+        }
+    }
+    return pattern;
+}
+
+// Leaves out a name that is written otherwise than several others of its stem: B5_cmd beside B1 B2 B3.
+void mark_others(std::vector<Column>& columns, std::vector<std::size_t>& members) {
+    std::map<std::string, std::size_t> patterns;
+    const bool are_letters = std::none_of(members.begin(), members.end(), [&](std::size_t k) {
+        return pattern_of(columns[k].name).find_first_of("#@") != std::string::npos;
+    });
+    if (are_letters) return;
+    for (const std::size_t k : members) ++patterns[pattern_of(columns[k].name)];
+    const bool has_several = std::any_of(patterns.begin(), patterns.end(), [](const auto& each) { return each.second > 1; });
+    std::erase_if(members, [&](std::size_t k) {
+        const bool is_other = has_several && patterns[pattern_of(columns[k].name)] == 1;
+        if (is_other) columns[k].note = "written otherwise than the channels";
+        return is_other;
+    });
+}
+
 }  // namespace
 
 // Names of one stem are the channels of one sensor. The file does not say which of several stems is the sensor.
@@ -69,6 +103,7 @@ void find_channels(std::vector<Column>& columns, std::vector<std::string>& fault
     const bool has_known =
         std::any_of(columns.begin(), columns.end(), [](const Column& column) { return column.kind == ColumnKind::channel; });
     if (stems.size() == 1 && !has_known) {
+        mark_others(columns, families[stems[0]]);
         for (const std::size_t k : families[stems[0]]) columns[k].kind = ColumnKind::channel, columns[k].is_used = true;
     } else if (!has_known && stems.size() > 1) {
         std::vector<std::string> lists;

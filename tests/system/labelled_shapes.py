@@ -101,7 +101,7 @@ def separators():
 def names():
     yield "comments.csv", "# skin 0042\n# operator: Anna, Ben\n#\n# columns,see,below\n\n" + table(PLAIN, plain()), {}
     yield "units.csv", table(["Time", *CHANNELS, "Fx", "Fy", "Fz", "session"], [
-        ["s", *["counts"] * 6, *["mN"] * 3, "-"], *rows(seconds, channels, lambda r: forces(r, 1000, 1), session)]), {}
+        ["s", *["counts"] * 6, *["mN"] * 3, "-"], *rows(seconds, channels, lambda r: forces(r, 1000, 1), session)]), {"channels": [f"{c} [counts]" for c in CHANNELS]}
     yield "quoted.csv", table(['""', *[f'"{name}"' for name in PLAIN]], rows(
         lambda r: f'"{r.i + 1}"', seconds, channels, forces, lambda r: f'"{r.session}"')), {}
     digits = [f"S{i} [digit]" for i in range(1, 7)]
@@ -193,6 +193,8 @@ def others():
         seconds, lambda r: str(round(8388608 - 21000 * r.force_N[2])), channels, forces, session)), {"ask": ["loadcell_raw"]}
     yield "made.csv", table([*PLAIN, "|F|", "fz_ma5"], rows(
         seconds, channels, forces, session, lambda r: [f"{r.size_N:.4f}", f"{mean(r):.4f}"])), {"ask": ["|F|", "fz_ma5"]}
+    yield "commands.csv", table([*PLAIN, "ch7_set"], rows(seconds, channels, forces, session, lambda r: robot(r)[2])), {
+        "ask": ["ch7_set"]}
     yield "joints.csv", table(["t_s", *[f"q{i}" for i in range(1, 8)], *PLAIN[1:]], rows(
         seconds, lambda r: robot(r)[:7], channels, forces, session)), {"ask": ["ch1 ch2", "q1 q2"]}
 
@@ -216,7 +218,10 @@ def containers(folder):
     yield "matlab.mat", b"MATLAB 5.0 MAT-file, Platform: GLNXA64".ljust(124) + b"\0\1IM", {"refuse": ["MATLAB", "scipy"]}
     yield "h5.h5", b"\x89HDF\r\n\x1a\n" + bytes(80), {"refuse": ["HDF5", "pandas"]}
     yield "pandas.parquet", b"PAR1" + bytes(80) + b"PAR1", {"refuse": ["parquet", "pandas"]}
-    yield "bag.mcap", b"\x89MCAP0\r\n" + bytes(80), {"refuse": ["MCAP", "tactilectl", "ros2 topic"]}
+    topics = b"".join(struct.pack("<BQHHI", 4, 8 + len(topic), i, i, len(topic)) + topic
+                         for i, topic in enumerate((b"/skin", b"/ati/wrench")))
+    yield "bag.mcap", b"\x89MCAP0\r\n" + topics + struct.pack("<BQQQI", 2, 20, 0, 0, 0) + b"\x89MCAP0\r\n", {
+        "refuse": ["MCAP with the topics /skin /ati/wrench", "ros2 topic"]}
     yield "cut.csv.gz", gzip.compress(table(PLAIN, plain()).encode())[:-2000], {"refuse": ["cut off"]}
 
 
