@@ -1,24 +1,15 @@
 #include "decoupling/csv.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cctype>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
-#include <cstring>
-#include <iterator>
-#include <set>
-#include <stdexcept>
-
-#include "drivers/taxels.hpp"
 
 namespace tactiled {
 namespace {
-
-constexpr std::size_t kLongestLine_bytes = 1u << 20;
-constexpr std::size_t kMaxColumns = kMaxTaxels * kMaxTaxelValues + 16;  // an array with its labels
 
 bool is_blank(char c) { return c == ' ' || c == '\t'; }
 
@@ -30,6 +21,12 @@ std::string shown(std::string_view text) {
     return result;
 }
 
+// Marks of spreadsheets, pandas, R and databases for a value that is not there.
+bool is_missing(std::string_view cell) {
+    constexpr std::string_view kMarks[] = {"NA", "N/A", "#N/A", "n/a", "NULL", "null", "None", "NaT", "-", "--", "<NA>"};
+    return std::find(std::begin(kMarks), std::end(kMarks), cell) != std::end(kMarks);
+}
+
 std::optional<double> parse(std::string_view text) {
     if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
     double value = 0;
@@ -39,181 +36,162 @@ std::optional<double> parse(std::string_view text) {
 }
 
 // Returns a hint to the meaning of a cell that is not a number, "" if there is none.
-std::string hint(std::string_view cell, std::string_view column, std::int64_t line) {
+std::string hint(std::string_view cell, std::int64_t line) {
     const bool starts_with_digit =
         !cell.empty() && (std::isdigit(static_cast<unsigned char>(cell[0])) != 0 || cell[0] == '-');
-    if (cell == column) return "; the header is there a second time: are two files joined?";
-    if (column == "t_s" && starts_with_digit && cell.find_first_of(":-T", 1) != cell.npos)
-        return "; times are seconds, such as 12.5";
     if (starts_with_digit && cell.find(',') != cell.npos) return "; decimals are written with '.', thousands without a mark";
     const auto blank = cell.find(' ');
     if (starts_with_digit && blank != cell.npos && parse(cell.substr(0, blank)))
         return "; the unit is in the column's name only";
     const bool is_word = std::none_of(cell.begin(), cell.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
-    const bool is_missing = cell.find('/') != cell.npos || cell.size() > 3 || cell == "-" || cell == "NA";  // N/A, None, ...
-    if (line == 2 && is_word && !is_missing) return "; is this a row of units? Delete it";
+    if (line == 2 && is_word && cell.size() <= 3) return "; is this a row of units? Delete it";
     return "; a missing one is an empty cell";
 }
 
-std::string why_not_opened(const std::string& path) { return fmt::format("{}: {}", path, std::strerror(errno)); }
-
 }  // namespace
 
-CsvReader::CsvReader(const std::string& path) : name_(path == "-" ? "standard input" : path) {
-    file_.reset(path == "-" ? stdin : std::fopen(path.c_str(), "re"));
-    if (file_ == nullptr) throw SetupError(why_not_opened(path));
-    if (!read_line()) throw SetupError(name_ + ": is empty; the first line names the columns: t_s,R1,R3,...");
-    // the byte order mark that spreadsheets write before UTF-8
-    if (buffer_.starts_with("\xEF\xBB\xBF")) buffer_.erase(0, 3);
-    if (buffer_.starts_with("\xFF\xFE") || buffer_.starts_with("\xFE\xFF") || buffer_.find('\0') != buffer_.npos)
-        refuse("is no text in UTF-8 (UTF-16?); save it as \"CSV UTF-8\"");
-    if (buffer_.find('\r') != buffer_.npos) refuse("lines end with a carriage return alone; end them with a line feed");
-    if (buffer_.starts_with('#') || buffer_.starts_with("sep="))
-        refuse("is no header; delete the lines before the one that names the columns: t_s,R1,R3,...");
-    split();
-    columns_ = cells_;
-    if (columns_.size() == 1 && columns_[0].find('\t') != std::string::npos)
-        refuse("columns are separated by tabs here; separate them by ','");
-    if (columns_.size() == 1 && columns_[0].find(';') != std::string::npos)
-        refuse(
-            "columns are separated by ';' here; separate them by ',' and write decimals with '.', as tr ';,' ',.' < FILE "
-            "does");
-    if (columns_.size() == 1 && columns_[0].find(' ') != std::string::npos)
-        refuse("columns are separated by blanks here; separate them by ','");
-    if (columns_.size() > kMaxColumns) refuse(fmt::format("{} columns; at most {}", columns_.size(), kMaxColumns));
-    std::set<std::string_view> names;
-    for (std::size_t k = 0; k < columns_.size(); ++k) {
-        if (columns_[k].empty())
-            refuse(fmt::format("column {} has no name{}", k + 1, k == 0 ? "; is it a row number? Delete it" : ""));
-        if (parse(columns_[k]))
-            refuse(fmt::format("column {} is named \"{}\"; the first line names the columns: t_s,R1,R3,...", k + 1,
-                               shown(columns_[k])));
-        if (!names.insert(columns_[k]).second) refuse(fmt::format("column \"{}\" is there twice", shown(columns_[k])));
-    }
+CsvReader::CsvReader(const std::string& path, std::vector<std::string> names) : lines_(path) {
+    find_header(std::move(names));
 }
 
 std::optional<std::size_t> CsvReader::find(std::string_view name) const {
-    const auto at = std::find(columns_.begin(), columns_.end(), name);
+    auto at = std::find(columns_.begin(), columns_.end(), name);
+    if (at == columns_.end())
+        at =
+            std::find_if(columns_.begin(), columns_.end(), [&](const auto& column) { return channel_name(column) == name; });
     if (at == columns_.end()) return std::nullopt;
     return std::size_t(at - columns_.begin());
 }
 
+std::string channel_name(std::string_view column) {
+    std::string name(column);
+    std::replace_if(
+        name.begin(), name.end(), [](char c) { return is_blank(c) || c == ',' || c == '"'; }, '_');
+    return name;
+}
+
 bool CsvReader::next() {
-    do {
+    for (;;) {
         if (!read_line()) return false;
-    } while (std::all_of(buffer_.begin(), buffer_.end(), is_blank));
-    split();
+        if (buffer_.starts_with('#')) {
+            ++comments_;
+            continue;
+        }
+        if (std::all_of(buffer_.begin(), buffer_.end(), is_blank)) continue;
+        split();
+        if (cells_ != header_) break;
+        ++headers_;  // files that were joined
+    }
     if (cells_.size() != columns_.size())
         refuse(fmt::format("{} cells, the header has {} columns{}", cells_.size(), columns_.size(),
-                           cells_.size() == columns_.size() + 1 && cells_.back().empty() ? "; is there a ',' at the end?"
-                           : 2 * cells_.size() > 3 * columns_.size()                     ? "; decimals are written with '.'"
-                                                                                         : ""));
+                           cells_.size() == columns_.size() + 1 && cells_.back().empty()  ? "; is there a ',' at the end?"
+                           : separator_ == ',' && 2 * cells_.size() > 3 * columns_.size() ? "; decimals are written with '.'"
+                                                                                          : ""));
     return true;
+}
+
+std::optional<double> CsvReader::value(std::size_t column) const {
+    const std::string_view cell = cells_[column];
+    if (cell.empty() || is_missing(cell)) return kNaN;
+    const std::size_t comma = separator_ == ',' ? cell.npos : cell.find(',');
+    const char mark = comma != cell.npos ? ',' : cell.find('.') != cell.npos ? '.' : char(0);
+    std::optional<double> value;
+    if (mark == ',') {
+        if (cell.find('.') != cell.npos) return std::nullopt;
+        std::string text(cell);
+        text[comma] = '.';
+        value = parse(text);
+    } else {
+        value = parse(cell);
+    }
+    if (!value || std::isinf(*value)) return std::nullopt;
+    // With both marks in one file, one of them separates thousands.
+    if (mark != 0 && separator_ != ',') {
+        if (decimal_mark_ == 0) decimal_mark_ = mark;
+        if (decimal_mark_ != mark) return std::nullopt;
+    }
+    return value;
+}
+
+std::string CsvReader::fault(std::size_t column) const {
+    const std::string_view cell = cells_[column];
+    const bool other_mark = separator_ != ',' && decimal_mark_ != 0 &&
+                            cell.find(decimal_mark_ == ',' ? '.' : ',') != cell.npos &&
+                            cell.find_first_of("0123456789") == 0;
+    return fmt::format("column {}: \"{}\" is no number{}", shown(columns_[column]), shown(cell),
+                       other_mark ? fmt::format("; the decimals before have '{}', and thousands have no mark", decimal_mark_)
+                                  : hint(cell, line_));
 }
 
 double CsvReader::number(std::size_t column) const {
-    const std::string_view cell = cells_[column];
-    if (cell.empty()) return kNaN;
-    const auto value = parse(cell);
-    if (!value || std::isinf(*value))
-        refuse(fmt::format("column {}: \"{}\" is no number{}", shown(columns_[column]), shown(cell),
-                           hint(cell, columns_[column], line_)));
-    return *value;
+    const auto number = value(column);
+    if (!number) refuse(fault(column));
+    return *number;
 }
 
-void CsvReader::refuse(const std::string& text) const { throw SetupError(fmt::format("{}:{}: {}", name_, line_, text)); }
+std::string CsvReader::about() const {
+    std::vector<std::string> parts;
+    if (const std::string text = lines_.about(); !text.empty()) parts.push_back(text);
+    if (separator_ != ',')
+        parts.push_back(separator_ == '\t'  ? "separated by tabs"
+                        : separator_ == ' ' ? "separated by blanks"
+                                            : fmt::format("separated by '{}'", separator_));
+    if (decimal_mark_ == ',') parts.emplace_back("decimals with ','");
+    if (is_marked_) parts.emplace_back("header behind '#'");
+    if (comments_ > 0) parts.push_back(fmt::format("{} comments between the rows", comments_));
+    if (headers_ > 0) parts.push_back(fmt::format("the header {} times more between the rows", headers_));
+    return fmt::format("{}", fmt::join(parts, ", "));
+}
+
+void CsvReader::refuse(const std::string& text) const { throw SetupError(fmt::format("{}:{}: {}", name(), line_, text)); }
 
 bool CsvReader::read_line() {
-    buffer_.clear();
-    int c;
-    while ((c = ::getc_unlocked(file_.get())) != EOF && c != '\n') {
-        if (buffer_.size() == kLongestLine_bytes) {
-            ++line_;
-            refuse(fmt::format("longer than {} bytes; is this a CSV file?", kLongestLine_bytes));
-        }
-        buffer_ += char(c);
+    if (!ahead_.empty()) {
+        buffer_ = std::move(ahead_.back().text);
+        line_ = ahead_.back().number;
+        ahead_.pop_back();
+        return true;
     }
-    if (c == EOF && std::ferror(file_.get()) != 0) throw SetupError(why_not_opened(name_));
-    if (c == EOF && buffer_.empty()) return false;
-    ++line_;
-    if (!buffer_.empty() && buffer_.back() == '\r') buffer_.pop_back();
-    return true;
+    const bool is_there = lines_.next(buffer_);
+    line_ = lines_.line();
+    return is_there;
 }
 
 // Quotes as in RFC 4180, except that a quoted line break is refused: names and numbers have none.
-void CsvReader::split() {
-    cells_.clear();
+std::vector<std::string> CsvReader::cells_of(std::string_view line, char separator) const {
+    std::vector<std::string> cells;
     std::size_t at = 0;
     const auto skip_blanks = [&] {
-        while (at < buffer_.size() && is_blank(buffer_[at])) ++at;
+        while (at < line.size() && is_blank(line[at]) && line[at] != separator) ++at;
+        while (separator == ' ' && at < line.size() && is_blank(line[at])) ++at;
+    };
+    const auto ends = [&](std::size_t i) {
+        return i >= line.size() || line[i] == separator || (separator == ' ' && is_blank(line[i]));
     };
     for (;;) {
         std::string cell;
         skip_blanks();
-        if (at < buffer_.size() && buffer_[at] == '"') {
+        if (at < line.size() && line[at] == '"') {
             for (++at;; ++at) {
-                if (at >= buffer_.size()) refuse(fmt::format("column {}: the quote is not closed", cells_.size() + 1));
-                if (buffer_[at] == '"' && (at + 1 >= buffer_.size() || buffer_[at + 1] != '"')) break;
-                if (buffer_[at] == '"') ++at;
-                cell += buffer_[at];
+                if (at >= line.size()) refuse(fmt::format("column {}: the quote is not closed", cells.size() + 1));
+                if (line[at] == '"' && (at + 1 >= line.size() || line[at + 1] != '"')) break;
+                if (line[at] == '"') ++at;
+                cell += line[at];
             }
             ++at;
-            skip_blanks();
-            if (at < buffer_.size() && buffer_[at] != ',')
-                refuse(fmt::format("column {}: text after the closing quote", cells_.size() + 1));
+            while (!ends(at) && is_blank(line[at])) ++at;
+            if (!ends(at)) refuse(fmt::format("column {}: text after the closing quote", cells.size() + 1));
         } else {
-            const std::size_t end = std::min(buffer_.find(',', at), buffer_.size());
-            cell = buffer_.substr(at, end - at);
+            const std::size_t begin = at;
+            while (!ends(at)) ++at;
+            cell = line.substr(begin, at - begin);
             while (!cell.empty() && is_blank(cell.back())) cell.pop_back();
-            at = end;
         }
-        cells_.push_back(std::move(cell));
-        if (at >= buffer_.size()) return;
-        ++at;  // the comma
+        cells.push_back(std::move(cell));
+        if (separator == ' ') skip_blanks();
+        if (at >= line.size()) return cells;
+        if (separator != ' ') ++at;
     }
-}
-
-ForcesWriter::ForcesWriter(const std::string& path) : name_(path == "-" ? "standard output" : path) {
-    file_.reset(path == "-" ? stdout : std::fopen(path.c_str(), "we"));
-    if (file_ == nullptr) throw SetupError(why_not_opened(path));
-    // A consumer at the other end of a pipe receives each row immediately and not after 4 kB.
-    if (path == "-") std::setvbuf(stdout, nullptr, _IOLBF, 1u << 16);
-    put("t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality,cop_x_m,cop_y_m,direction,residual,"
-        "sd_mx_Nm,sd_my_Nm,sd_mz_Nm,sd_cop_x_m,sd_cop_y_m\n");
-}
-
-void ForcesWriter::write(double t_s, const Estimate& estimate, std::string_view quality) {
-    row_.clear();
-    const auto add = [&](double number) {
-        if (std::isfinite(number)) fmt::format_to(std::back_inserter(row_), "{}", number);
-        row_ += ',';
-    };
-    add(t_s);
-    for (const double component : estimate.wrench_S) add(component);
-    for (std::size_t c = 0; c < 3; ++c) add(estimate.sd[c]);
-    // Several reasons are separated by commas and need quotes.
-    const bool quoted = quality.find(',') != std::string_view::npos;
-    if (quoted) row_ += '"';
-    row_ += quality;
-    if (quoted) row_ += '"';
-    row_ += ',';
-    for (const double coordinate : estimate.cop_S_m) add(coordinate);
-    add(estimate.direction == 0 ? kNaN : double(estimate.direction));
-    add(estimate.residual);
-    for (std::size_t c = 3; c < 6; ++c) add(estimate.sd[c]);
-    for (const double sd : estimate.cop_sd_m) add(sd);
-    row_.back() = '\n';
-    put(row_);
-}
-
-void ForcesWriter::close() {
-    std::FILE* file = file_.release();
-    const bool shared = file == stdout;
-    if ((shared ? std::fflush(file) : std::fclose(file)) != 0) throw std::runtime_error(why_not_opened(name_));
-}
-
-void ForcesWriter::put(const std::string& row) {
-    if (std::fwrite(row.data(), 1, row.size(), file_.get()) != row.size()) throw std::runtime_error(why_not_opened(name_));
 }
 
 }  // namespace tactiled

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "decoupling/decoupler.hpp"
+#include "decoupling/text_lines.hpp"
 
 namespace tactiled {
 
@@ -21,39 +22,68 @@ struct CloseFile {
 };
 using File = std::unique_ptr<std::FILE, CloseFile>;
 
+// Returns the name that a column has as a channel: '_' in place of blanks, commas and quotes, which no list of channels
+// can hold.
+std::string channel_name(std::string_view column);
+
 class CsvReader {
 public:
-    // Opens a file and reads its header; "-" is standard input. setup: throws SetupError where the file cannot be
-    // opened or its header is not a list of distinct names
-    explicit CsvReader(const std::string& path);
+    // Opens a file and reads its header; "-" is standard input. Reads gzip and npy, text in UTF-8, UTF-16 and Latin-1; cells
+    // between commas, semicolons, tabs or blanks; a header behind '#', and below other lines. `names`: of the columns of a
+    // file without a header.
+    // setup: throws SetupError where the file cannot be opened or its header is not a list of distinct names
+    explicit CsvReader(const std::string& path, std::vector<std::string> names = {});
 
     [[nodiscard]] const std::vector<std::string>& columns() const { return columns_; }
+    // False for a column without a name in the header, which is called "column 3".
+    [[nodiscard]] bool has_name(std::size_t column) const { return header_.empty() || !header_[column].empty(); }
+    // Finds a column by its name, or by the name that a channel of it has.
     [[nodiscard]] std::optional<std::size_t> find(std::string_view name) const;
 
-    // Reads the next row that is not empty. Returns false at the end. setup: throws SetupError where the row has
-    // another number of cells than the header, is longer than 1 MiB, or a quote is not closed
+    // Reads the next row that is not empty and no comment. Returns false at the end. setup: throws SetupError where the row
+    // has another number of cells than the header, is longer than 1 MiB, or a quote is not closed
     bool next();
 
     // Returns the cell without surrounding blanks and quotes, valid until the next row.
     [[nodiscard]] std::string_view text(std::size_t column) const { return cells_[column]; }
-    // Returns the number in a cell, NaN if it is empty or says nan. setup: throws SetupError where it is not a
-    // number, or exceeds a double
+    // Returns the number in a cell, NaN if it is empty or a mark for a missing value; no value if it is not a number.
+    [[nodiscard]] std::optional<double> value(std::size_t column) const;
+    // The same. setup: throws SetupError where the cell is not a number, or exceeds a double
     [[nodiscard]] double number(std::size_t column) const;
+    // Describes a cell that is not a number: "column R1: "x" is no number; ...".
+    [[nodiscard]] std::string fault(std::size_t column) const;
 
     [[nodiscard]] std::int64_t line() const { return line_; }
-    [[nodiscard]] const std::string& name() const { return name_; }
+    [[nodiscard]] const std::string& name() const { return lines_.name(); }
+    // Describes what is unusual about the file: "gzip, separated by ';', decimals with ','"; "" = nothing.
+    [[nodiscard]] std::string about() const;
     [[noreturn]] void refuse(const std::string& text) const;  // the message begins with "file:line: "
 
 private:
-    bool read_line();
-    void split();
+    struct Line {
+        std::string text;
+        std::int64_t number;
+    };
+    struct Preamble;  // csv_header.cpp
 
-    std::string name_;
-    File file_;
-    std::string buffer_;  // the present line
+    bool read_line();
+    void find_header(std::vector<std::string> names);
+    void take_header(const Preamble& preamble, std::vector<std::string> names);
+    void check_names();
+    void split() { cells_ = cells_of(buffer_, separator_); }
+    [[nodiscard]] std::vector<std::string> cells_of(std::string_view line, char separator) const;
+    [[nodiscard]] std::size_t number_of_cells(std::string_view line, char separator) const;
+
+    TextLines lines_;
+    std::vector<Line> ahead_;  // lines behind the header that were read to find it, the next one last
+    std::string buffer_;       // the present line
     std::vector<std::string> cells_;
     std::vector<std::string> columns_;
-    std::int64_t line_ = 0;  // line number; a pipe at 1 kHz passes 2^31 in 25 days
+    std::vector<std::string> header_;  // the cells in the file
+    char separator_ = ',';             // ' ' = any number of blanks
+    mutable char decimal_mark_ = 0;    // the mark in the first number that has one
+    bool is_marked_ = false;           // the header stands behind '#'
+    std::int64_t line_ = 0, comments_ = 0, headers_ = 0;
 };
 
 class ForcesWriter {

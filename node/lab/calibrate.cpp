@@ -20,6 +20,7 @@
 #include "node/ctl/command_line.hpp"
 #include "node/lab/calibrate_array.hpp"
 #include "node/lab/report/report.hpp"
+#include "node/lab/warning_page.hpp"
 
 namespace tactiled::ctl {
 namespace {
@@ -68,14 +69,6 @@ constexpr After kAfter[] = {{"known", 0}, {"1 min", 1 / 60.0}, {"10 min", 1 / 6.
 // Returns the median sd of a component so long after its zero was known (a tare, a free rest), as the daemon states it.
 double claim_after(const FitReport& report, std::size_t i, double hours) {
     return std::hypot(component_errors(report, i).median_sd(), report.calibration.zero_growth_per_h()[i] * hours);
-}
-
-// Prints ten lines at most, because the one that matters is lost among hundreds.
-void print_warnings(const std::vector<std::string>& warnings) {
-    constexpr std::size_t kLines = 10;
-    const std::size_t shown = warnings.size() > kLines ? kLines - 1 : warnings.size();
-    for (std::size_t i = 0; i < shown; ++i) fmt::print(stderr, "warning: {}\n", warnings[i]);
-    if (shown < warnings.size()) fmt::print(stderr, "warning: and {} more: --json has all\n", warnings.size() - shown);
 }
 
 void print_claims(const FitReport& report) {
@@ -176,7 +169,7 @@ void print_report(const FitReport& report, const Settings& settings) {
     if (const Temperature& t = calibration.temperature; !t.zero_per_K.empty())
         fmt::print("temperature: {:.1f} to {:.1f} degC\n", t.range_C[0], t.range_C[1]);
     print_damage(calibration);
-    print_warnings(report.warnings);
+    for (const std::string& line : warning_page(report.warnings)) fmt::print(stderr, "warning: {}\n", line);
     fmt::print("To use it, paste into the configuration:\n\n{}", sensor_text(report, settings));
 }
 
@@ -215,7 +208,7 @@ void print_json(const FitReport& report, const Settings& settings) {
                         {"sensor", sensor_text(report, settings)},
                         {"components", nlohmann::json::array()},
                         {"undetected_damage", damage_json(report.calibration)},
-                        {"warnings", report.warnings}};
+                        {"warnings", by_consequence(report.warnings)}};
     for (std::size_t i = 0; i < report.components.size(); ++i) {
         const ComponentReport& c = report.components[i];
         const ComponentErrors errors = component_errors(report, i);
@@ -314,7 +307,10 @@ int calibrate(Settings settings) {
     if (settings.forget) request.parameters["forget"] = *settings.forget;
     for (const auto& [name, value] : settings.start)
         if (!value.empty()) put_fit_option(name, value, request);
-    const FitReport report = fit(read_labelled(settings.in, settings.selection), settings.request);
+    if (const auto fits = fits_of(request.model); !fits.empty()) settings.selection.known = fits.front()->channels.includes;
+    const Labelled labelled = read_labelled(settings.in, settings.selection);
+    fmt::print(stderr, "{}", labelled.columns);  // before the fit, which may take minutes
+    const FitReport report = fit(labelled, settings.request);
     save_calibration(report.calibration, settings.out);
     if (!settings.report.empty())
         replace_file(settings.report,
@@ -343,7 +339,8 @@ Run add_calibrate(Command verb) {
             verb.add_option(fmt::format("--{}", entry->option.name), settings->start[entry->option.name],
                             entry->option.help);
     verb.add_option("--in", settings->in,
-                    "labelled.csv: t_s, channels, fx_N .. mz_Nm, session; array: Z0, Z1 ..., fz_N, press; - is standard "
+                    "labelled.csv (also gzip, npy): time, channels, fx_N .. mz_Nm, session; array: Z0, Z1 ..., fz_N, press; "
+                    "- is standard "
                     "input")
         .required();
     verb.add_option("--out", settings->out, "the calibration file to write").required();
@@ -366,6 +363,10 @@ Run add_calibrate(Command verb) {
     verb.add_option("--session", settings->selection.sessions, "use only these sessions").take_all();
     verb.add_option("--channels", settings->selection.channels, "use only these columns, in this order: A,B,C")
         .delimiter(',');
+    verb.add_option("--columns", settings->selection.columns, "names of all columns, of a file without a header: A,B,C")
+        .delimiter(',');
+    verb.add_option("--labels", settings->selection.labels,
+                    "a file with the labels, recorded beside --in with another clock: aligned by time");
     verb.add_option("--serial", settings->request.serial, "of this sensor");
     verb.add_option("--contact-model", settings->request.contact_model, "what pressed on it: uniform, point ...")
         .show_default();

@@ -50,6 +50,8 @@ CaptureFile::CaptureFile(std::string path, std::vector<std::string> channels)
     std::error_code none;
     if (!std::filesystem::exists(path_, none) || std::filesystem::file_size(path_, none) == 0) return;
     CsvReader csv(path_);
+    if (const std::string about = csv.about(); !about.empty())
+        csv.refuse(fmt::format("is no plain CSV ({}): name another file with --append", about));
     columns_ = csv.columns();
     std::vector<std::string> there;
     std::vector<std::size_t> at, channel_at;

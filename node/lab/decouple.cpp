@@ -12,6 +12,7 @@
 
 #include "config/calibration.hpp"
 #include "decoupling/csv.hpp"
+#include "decoupling/csv_time.hpp"
 #include "decoupling/decoupler.hpp"
 #include "decoupling/fit/array_presses.hpp"
 #include "decoupling/patch/patch.hpp"
@@ -65,6 +66,24 @@ private:
     TaxelShape shape_;
     std::vector<std::vector<std::size_t>> columns_;
     std::vector<float> value_;
+};
+
+// The time of a row in seconds: column t_s, or any other time that its name, its size or its form states.
+class RowTime {
+public:
+    explicit RowTime(const CsvReader& csv) : t_s_(csv.find("t_s")), other_(csv.columns()) {}
+    double read(const CsvReader& csv) {
+        if (t_s_ && csv.value(*t_s_) && std::abs(*csv.value(*t_s_)) <= kLatest_s) return csv.number(*t_s_);
+        if (!other_.is_there()) other_.look_at(csv);
+        if (!other_.is_there()) csv.refuse("has no column t_s");
+        const auto t_ns = other_.read(csv);
+        if (other_.is_assumed()) csv.refuse("its time has no unit: name it t_s, t_ms, t_us or t_ns");
+        return t_ns ? double(*t_ns) / 1e9 : kNaN;
+    }
+
+private:
+    std::optional<std::size_t> t_s_;
+    TimeColumn other_;
 };
 
 // Subtracts the mean of the GOOD forces of the first seconds, or where none is, of the UNCERTAIN ones; keeps these rows
@@ -126,8 +145,7 @@ int decouple(const Settings& settings) {
     const auto decoupler = make_decoupler(calibration, settings.method, settings.budget_us);
     decoupler->set_delay(std::vector<double>(calibration.channels.size(), settings.delay_ms * 1e-3));
     CsvReader csv(settings.in);
-    const auto time = csv.find("t_s");
-    if (!time) csv.refuse("has no column t_s");
+    RowTime time(csv);
     std::optional<ArrayColumns> array;
     if (Patch* const patch = decoupler->patch(); patch != nullptr) {
         array.emplace(csv, *patch, calibration.channels);
@@ -148,10 +166,8 @@ int decouple(const Settings& settings) {
     std::vector<double> channel(columns.size());
     std::optional<double> origin_s;  // subtracted from the times for the models, which must not be negative
     while (csv.next()) {
-        const double t_s = csv.number(*time);
-        if (std::isnan(t_s)) csv.refuse("column t_s is empty; when was this row read?");
-        if (std::abs(t_s) > kLatest_s)
-            csv.refuse(fmt::format("column t_s: {} s is more than 500 years; t_s is in seconds", t_s));
+        const double t_s = time.read(csv);
+        if (std::isnan(t_s)) csv.refuse("the time is empty; when was this row read?");
         if (!origin_s) origin_s = t_s < 0 ? t_s - kPast_s : 0;
         if (t_s < *origin_s)
             csv.refuse(fmt::format("column t_s: {} s lies before the rows above it; sort the rows by time", t_s));
@@ -181,7 +197,7 @@ Run add_decouple(Command verb) {
     verb.add_option("--method", settings->method, "of the model; the calibration's own if not given; auto");
     verb.add_option("--budget-us", settings->budget_us, "time that a sample may take with --method auto").show_default();
     verb.add_option("--in", settings->in,
-                    "signals.csv: t_s and a column a channel, or Z0, Z1 ... of an array; - is standard input")
+                    "signals.csv: a time and a column a channel, or Z0, Z1 ... of an array; - is standard input")
         .show_default();
     verb.add_option("--out", settings->out, "forces.csv; - is standard output").show_default();
     verb.add_option("--delay-ms", settings->delay_ms,

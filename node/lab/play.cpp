@@ -9,6 +9,7 @@
 
 #include "config/options.hpp"
 #include "decoupling/csv.hpp"
+#include "decoupling/fit/columns.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/lab/port.hpp"
 #include "tactiled/reader.hpp"
@@ -29,16 +30,20 @@ struct Row {
     std::vector<double> channel;  // NaN: missing
 };
 
-bool is_label(const std::string& column) {
-    static const std::vector<std::string> kLabels{"t_s", "session", "fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"};
-    return std::find(kLabels.begin(), kLabels.end(), column) != kLabels.end();
+// The columns that may be channels: no time, label, session or temperature.
+std::vector<std::string> channel_names(const CsvReader& csv) {
+    std::vector<std::string> names, ignored;
+    for (const Column& column : class_columns(csv.columns(), {}, nullptr, ignored))
+        if (column.kind != ColumnKind::time && column.kind != ColumnKind::label && column.kind != ColumnKind::session &&
+            column.kind != ColumnKind::temperature)
+            names.push_back(column.name);
+    return names;
 }
 
 std::vector<Row> read_rows(const Args& args) {
     CsvReader csv(args.in);
     std::vector<std::string> names = args.columns;
-    if (names.empty())
-        std::copy_if(csv.columns().begin(), csv.columns().end(), std::back_inserter(names), std::not_fn(is_label));
+    if (names.empty()) names = channel_names(csv);
     if (names.empty() || names.size() > kMaxChannels)
         throw SetupError(fmt::format("{}: has {} channels; a frame carries 1 .. {}", args.in, names.size(), kMaxChannels));
     std::vector<std::size_t> columns;
@@ -95,7 +100,8 @@ int play(const Args& args) {
 
 Run add_play(Command verb) {
     auto args = std::make_shared<Args>();
-    verb.add_option("--in", args->in, "signals.csv: t_s and channels; label columns are left out").required();
+    verb.add_option("--in", args->in, "signals.csv: t_s and channels; labels, sessions and temperatures are left out")
+        .required();
     verb.add_option("--pty", args->pty, "the name under which the daemon opens it (a symbolic link)").required();
     args->wire.add_options(verb);
     verb.add_option("--speed", args->speed, "times faster than t_s").positive().show_default();

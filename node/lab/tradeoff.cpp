@@ -74,8 +74,11 @@ std::vector<Contest> contests_of(const Args& args, const std::function<void(doub
         args.calibration.empty() ? contest_of_scene(folder(), args.scene) : contest_of_calibration(args.calibration);
     if (!args.scene.empty())
         contest.trials.push_back(trial_of(std::filesystem::path(args.scene).stem().string(), args.scene));
-    if (!args.in.empty())
-        contest.trials.push_back({std::filesystem::path(args.in).stem().string(), read_labelled(args.in, {})});
+    if (!args.in.empty()) {
+        Selection selection;
+        if (!contest.candidates.empty()) selection.channels = contest.candidates.front().calibration.channels;
+        contest.trials.push_back({std::filesystem::path(args.in).stem().string(), read_labelled(args.in, selection)});
+    }
     if (contest.candidates.empty())
         throw std::runtime_error(contest.refused.empty() ? "no method to compare" : contest.refused.front());
     std::vector<Contest> one;

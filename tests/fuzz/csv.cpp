@@ -3,6 +3,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <string>
@@ -47,7 +48,8 @@ bool read(const std::string& path, Table& table) {
                 check(reader.find(table.columns[k]) == k);
                 try {
                     const double number = reader.number(k);
-                    const std::string& cell = row.back();
+                    std::string cell = row.back();
+                    std::replace(cell.begin(), cell.end(), ',', '.');  // a decimal comma
                     check(cell.empty() ? std::isnan(number) : !std::isinf(number));
                     if (!std::isnan(number)) {
                         char* end = nullptr;

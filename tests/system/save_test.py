@@ -22,7 +22,7 @@ class Save(unittest.TestCase):
         cls.labelled = cls.folder / "labelled.csv"
         rows = [(k % 7 - 3, k % 5 - 2, -(k % 11)) for k in range(60)]
         cls.labelled.write_text("t_s,c1,c2,c3,fx_N,fy_N,fz_N,session\n" + "".join(
-            f"{k},{2 * x + 0.01 * (k % 3)},{2 * y},{3 * z},{x},{y},{z},{'ab'[k % 2]}\n" for k, (x, y, z) in enumerate(rows)))
+            f"{k},{2 * x + 0.01 * (k % 3)},{2 * y + 0.01 * (k % 4)},{3 * z + 0.01 * (k % 5)},{x},{y},{z},{'ab'[k % 2]}\n" for k, (x, y, z) in enumerate(rows)))
         cls.new = cls.save()[1]
         cls.old = cls.new.replace(b"generic", b"generic ", 1) + b"# the old one\n"
         # Returns the calls from the first that names the temporary file to the last before the program reports

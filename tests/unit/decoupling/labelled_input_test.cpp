@@ -42,7 +42,7 @@ TEST(Input, OddLabelsAndReadingsAreNamed) {
 }
 
 TEST(Input, TimesBeforeZeroKeepTheirDistances) {
-    const ScratchFile file("t_s,A,fz_N\n-2.5,1,-1\n-1.25,2,-2\n0,3,-3\n1,4,-4\n");
+    const ScratchFile file("t_s,A1,fz_N\n-2.5,1,-1\n-1.25,2,-2\n0,3,-3\n1,4,-4\n");
     const Labelled labelled = read_labelled(file.path(), {});
     EXPECT_EQ(labelled.rows[1].t_ns - labelled.rows[0].t_ns, 1250000000u);
     EXPECT_EQ(labelled.rows[3].t_ns - labelled.rows[0].t_ns, 3500000000u);

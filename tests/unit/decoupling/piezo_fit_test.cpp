@@ -321,7 +321,7 @@ TEST(PiezoFit, ALeakLongerThanTheRecordingIsNotDetermined) {
 
 TEST(PiezoFit, UnixTimeIsTime) {
     const ScratchFile file("t_s,Vp,Cn,fz_N\n1700000000.25,1,2,0\n1700000000.5,1,2,0\n");
-    const Labelled labelled = read_labelled(file.path(), {});
+    const Labelled labelled = read_labelled(file.path(), {.sessions = {}, .channels = {"Vp", "Cn"}});
     EXPECT_NEAR(double(labelled.rows[1].t_ns - labelled.rows[0].t_ns), 0.25e9, 1000);  // ns
 }
 
