@@ -12,7 +12,10 @@ namespace {
 
 constexpr std::size_t kEnoughRows = 30;  // fewer do not distinguish offsets
 constexpr std::size_t kCoarseRows = 500, kFineRows = 5000;
-constexpr double kMinExplained = 0.5;   // part of the labels' variance: below, most of the labels are something else
+constexpr double kMinExplained = 0.5;  // part of the labels' variance: below, most of the labels are something else
+// What the channels explain at half of the offsets, relative to the best one. Loads that circle are a linear function of the
+// channels at any offset, and each offset turns their axes otherwise.
+constexpr double kTypical = 0.5;
 constexpr double kFalseOffsets = 0.01;  // probability that some wrong offset seems better
 
 [[noreturn]] void refuse(const LabelledTable& table, const LabelledTable& labels, const std::string& text) {
@@ -66,6 +69,11 @@ std::string align_labels(const LabelledTable& table, const LabelledTable& labels
     const OffsetPeak peak = peak_of(coarse, length_s);
     const double zero_s = double(**first_label - **first) * 1e-9;  // between the origins of both clocks
     const double evidence = peak.pieces / 2 * std::log(peak.other_rest / coarse.rest[best]);
+    if (!(1 - peak.typical_rest < kTypical * (1 - coarse.rest[best])))
+        refuse(
+            table, labels,
+            "at most other offsets the channels follow the labels nearly as well, as with loads that repeat; record loads "
+            "that do not");
     if (!(evidence >= std::log(double(coarse.rest.size()) / kFalseOffsets)))
         refuse(
             table, labels,

@@ -140,6 +140,7 @@ OffsetPeak peak_of(const OffsetGrid& coarse, double length_s) {
     while (end + 1 < coarse.rest.size() && coarse.rest[end] < half) ++end;
     const std::size_t width = std::max<std::size_t>(1, end - begin);
     OffsetPeak peak;
+    peak.typical_rest = median(coarse.rest);
     peak.pieces = std::max(1.0, length_s / (double(width) * coarse.step_s));
     for (std::size_t i = 0; i < coarse.rest.size(); ++i)
         if ((i + width < begin || i > end + width) && coarse.rest[i] < peak.other_rest)

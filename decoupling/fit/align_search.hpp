@@ -91,7 +91,7 @@ OffsetGrid coarse_search(const TimedReadings& readings, const LabelSeries& serie
 
 // The number of independent pieces of the recording, and the best offset outside the peak.
 struct OffsetPeak {
-    double pieces = 0, other_rest = 1, other_s = 0;
+    double pieces = 0, other_rest = 1, other_s = 0, typical_rest = 1;
 };
 OffsetPeak peak_of(const OffsetGrid& coarse, double length_s);
 

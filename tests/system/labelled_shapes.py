@@ -236,6 +236,11 @@ def two_clocks():
     head = ["Time (s)", "Fx (N)", "Fy (N)", "Fz (N)"]
     skin = table(["t_s", *CHANNELS, "session"], rows(seconds, channels, session))
     yield "two_clocks.csv", skin, {"labels": table(head, lines), "loose": True}
+    circle = [[f"{math.cos(i * math.pi / 20):.4f}", f"{math.sin(i * math.pi / 20):.4f}"] for i in range(40)]
+    yield "circling.csv", table(["t_s", "ch1", "ch2", "ch3"], [
+        [f"{i / 20:.3f}", *circle[i % 40], f"{noise.gauss(0, 1):.3f}"] for i in range(1200)]), {
+        "labels": table(["t_s", "fx_N", "fy_N"], [[f"{i / 20 + 0.4:.3f}", *circle[i % 40]] for i in range(1200)]),
+        "refuse": ["cannot be aligned", "offsets"]}
     other = [[line[0], *[f"{noise.gauss(0, 3):.4f}" for _ in range(3)]] for line in lines]
     yield "no_relation.csv", skin, {"labels": table(head, other), "refuse": ["cannot be aligned"]}
 
