@@ -66,7 +66,7 @@ struct Fit {
 inline constexpr std::size_t kMaxScores = 6;  // limit of a monitor with products
 constexpr std::size_t products_of(std::size_t scores) { return scores * (scores + 1) / 2; }
 
-// Which readings a load can cause, all channels together, seen in the rows of the calibration: n channels with m scores
+// Readings that a load can cause, all channels together, as seen in the rows of the calibration: n channels with m scores
 // t = scores (channel - mean), and r <= n - m residuals e = residual (channel - mean) - coefficients p, where p are the
 // products t_1 t_1, t_1 t_2 .. t_m t_m minus product_mean. A reading is inside if |t|^2 <= limit^2 and
 // |e|^2 <= residual_limit^2 (1 + (|t|^2 + |product_whitening p|^2) / (m + number of p)). See decoupling/monitor.hpp.
@@ -137,8 +137,8 @@ struct Calibration : Fit {
     std::vector<std::string> taxel_files;
     std::vector<Calibration> taxels;
 
-    // Returns the undetected damage of the method that a sensor runs: "" = the calibration's own. Of "auto" it is that of
-    // the method with the largest mean, and unknown if it is unknown for one.
+    // Returns the undetected damage of the method that a sensor runs: "" = the calibration's own. For "auto" that
+    // of the method with the largest mean counts; it is unknown if it is unknown for one.
     [[nodiscard]] const UndetectedDamage& undetected_damage_of(const std::string& name) const noexcept;
     // Returns this calibration with the fit of `name`, if it has one, and without the others.
     [[nodiscard]] Calibration with_method(const std::string& name) const;

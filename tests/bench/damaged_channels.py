@@ -30,7 +30,7 @@ import tempfile
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 LABELS = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 KINDS = ("stuck", "half_gain", "drifting", "exchanged", "zero")
-ROWS = 400  # of the last third, evenly
+ROWS = 400  # rows of the last third, evenly
 METHOD = {"table": "auto", "hair": "auto", "capacitive": "quadratic"}  # the others of `capacitive` take minutes
 
 

@@ -7,7 +7,7 @@ Writes NAME_fit.csv (sessions 1, 2), NAME_one.csv (session 1), NAME_unseen.csv (
 also NAME_single.csv (sessions 4, 5, one axis at a time) and NAME_combined.csv (session 6, combinations).
 Columns: t_s, channels, fx_N .. mz_Nm, session. Frame: z out of the skin, a press has fz < 0.
 
-What all have in common, on top of each sensor's physics: channel = rest + gain (raw - rest) + zero + drift +
+All have in common, on top of each sensor's physics: channel = rest + gain (raw - rest) + zero + drift +
 noise; gain: sd 1 % per session and channel; zero: sd 1 % of the channel's range per session; drift: slow, 0.5 % of
 the range over a session; noise: sd of the sensor, 0.1 to 0.5 % of the range. Labels: reference cell with
 0.05 % of full scale noise.
