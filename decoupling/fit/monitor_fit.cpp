@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kQuantile = 0.999, kTail_sd = 3.09;  // held-out rows, and normal noise
 constexpr double kMargin = 1.1;                       // the quantile of few rows is nearly their maximum
-constexpr double kMaxFalseAlarms = 0.005;
+constexpr std::size_t kMostGroups = 20;               // more held-out parts change the limits little
 constexpr double kNearly = 1.1;
 // Variance of each channel that averaged loads do not show: noise of 0.25 % of its range; 1.25 % with one session,
 // which does not show how far zeros and gains move until the next.
@@ -37,7 +37,7 @@ struct Seen {
     Axes axes;                 // principal components of all rows
     double next_session = 0;   // variance of another session over that of the held-out ones, less 1
     std::size_t loads = 0;
-    std::vector<Eigen::MatrixXd> unseen{}, others{};  // one per group: its rows, and all others
+    std::vector<std::vector<Eigen::Index>> unseen{}, others{};  // of each group: its rows, and all others
     std::vector<Axes> axes_of_others{};
 };
 
@@ -76,17 +76,18 @@ std::optional<Seen> seen_in(const Rows& rows, const std::vector<std::size_t>& gr
     seen.variance = variance_of(sessions, seen.unit, zeros, calibration);
     seen.axes = axes_of(rows, seen.channel, seen.variance, calibration.components);
     seen.loads = loads_of(rows).back() + 1;
-    for (const std::size_t group : std::set<std::size_t>(group_of_row.begin(), group_of_row.end())) {
+    for (std::size_t part = 0; part < kMostGroups; ++part) {
         Rows others;
         std::vector<Eigen::Index> in, out;
         for (std::size_t i = 0; i < rows.size(); ++i) {
-            if (group_of_row[i] != group) others.push_back(rows[i]);
-            (group_of_row[i] == group ? in : out).push_back(Eigen::Index(i));
+            const bool is_in = group_of_row[i] % kMostGroups == part;
+            if (!is_in) others.push_back(rows[i]);
+            (is_in ? in : out).push_back(Eigen::Index(i));
         }
-        if (!is_enough(others.size())) continue;
-        seen.unseen.push_back(seen.channel(in, Eigen::all));
-        seen.others.push_back(seen.channel(out, Eigen::all));
-        seen.axes_of_others.push_back(axes_of(others, seen.others.back(), seen.variance, calibration.components));
+        if (in.empty() || !is_enough(others.size())) continue;
+        seen.axes_of_others.push_back(axes_of(others, seen.channel(out, Eigen::all), seen.variance, calibration.components));
+        seen.unseen.push_back(std::move(in));
+        seen.others.push_back(std::move(out));
     }
     if (seen.unseen.empty()) return std::nullopt;
     return seen;
@@ -106,8 +107,9 @@ HeldOutDistances held_out(const Seen& seen, Eigen::Index m, bool with_products) 
     std::vector<Eigen::MatrixXd> residual;
     Eigen::MatrixXd squares = Eigen::MatrixXd::Zero(n, n);
     for (std::size_t g = 0; g < seen.unseen.size(); ++g) {
-        const Surface surface = surface_of(seen.axes_of_others[g], seen.others[g], m, with_products);
-        const Distances one = distances(surface, seen.unseen[g]);
+        const Eigen::MatrixXd others = seen.channel(seen.others[g], Eigen::all);
+        const Surface surface = surface_of(seen.axes_of_others[g], others, m, with_products);
+        const Distances one = distances(surface, seen.channel(seen.unseen[g], Eigen::all));
         result.scores.insert(result.scores.end(), one.scores.begin(), one.scores.end());
         residual.push_back(one.residual);
         squares += one.residual.transpose() * one.residual;
@@ -141,6 +143,26 @@ double limit_of(std::vector<double> held_out, Eigen::Index n) {
     std::sort(held_out.begin(), held_out.end());
     const auto at = std::size_t(std::ceil(kQuantile * double(held_out.size()))) - 1;
     return std::max(noise, kMargin * held_out[at]);
+}
+
+// Returns the share of the rows beyond limits from the other groups alone.
+double false_alarms(const Seen& seen, const HeldOutDistances& unseen, Eigen::Index m) {
+    const Eigen::Index r = seen.channel.cols() - m;
+    const auto without = [](std::vector<double> distances, std::size_t from, std::size_t n) {
+        distances.erase(distances.begin() + std::ptrdiff_t(from), distances.begin() + std::ptrdiff_t(from + n));
+        return distances;
+    };
+    double outside = 0;
+    std::size_t from = 0;
+    for (const auto& group : seen.unseen) {
+        const std::size_t n = seen.unseen.size() > 1 ? group.size() : 0;
+        const double limit = std::hypot(1, limit_of(without(unseen.scores, from, n), m));
+        const double residual_limit = r > 0 ? limit_of(without(unseen.residual, from, n), r) : 0;
+        for (std::size_t i = from; i < from + group.size(); ++i)
+            outside += unseen.scores[i] > limit || (r > 0 && unseen.residual[i] > residual_limit);
+        from += group.size();
+    }
+    return outside / double(unseen.scores.size());
 }
 
 struct Candidate {
@@ -178,9 +200,7 @@ std::optional<Candidate> monitor_of(const Seen& seen, Eigen::Index m, bool with_
     monitor.limit = std::hypot(1, limit_of(unseen.scores, m));  // 1: all components at full scale
     if (r > 0) monitor.residual_limit = limit_of(unseen.residual, r);
     if (!std::isfinite(monitor.limit) || !std::isfinite(monitor.residual_limit)) return std::nullopt;
-    for (std::size_t i = 0; i < unseen.scores.size(); ++i)
-        if (unseen.scores[i] > monitor.limit || (r > 0 && unseen.residual[i] > monitor.residual_limit))
-            monitor.false_alarms += 1 / double(unseen.scores.size());
+    monitor.false_alarms = false_alarms(seen, unseen, m);
     const Surface surface = surface_of(seen.axes, seen.channel, m, with_products);
     const Eigen::RowVectorXd mean = surface.mean.cwiseProduct(seen.unit);
     monitor.mean.assign(mean.begin(), mean.end());
@@ -203,7 +223,7 @@ void set_monitor(const Rows& rows, const std::vector<std::size_t>& group_of_row,
     for (Eigen::Index m = components; m <= most; ++m)
         for (const bool with_products : {false, true}) {
             std::optional<Candidate> one = monitor_of(*seen, m, with_products);
-            if (!one || one->monitor.false_alarms > kMaxFalseAlarms) continue;
+            if (!one) continue;
             least = std::min(least, one->detectable);
             possible.push_back(std::move(*one));
         }

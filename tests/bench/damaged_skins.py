@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Damaged channels of made skins (made_skins.py) that nobody sees, by one program or by several in one run.
 
-    damaged_skins.py [--seeds 1,2] [--methods matrix,quadratic,rbf] [BINARY_DIR ...]
+    damaged_skins.py [--seeds 1,2] [--methods matrix,quadratic,rbf] [--one-session] [BINARY_DIR ...]
 
-Each skin is calibrated on two sessions; the rows of a third one are decoupled as they are, and with each channel in turn stuck at its
+Each skin is calibrated on two sessions, or on the first of them; the rows of a third one are decoupled as they are, and with each channel in turn stuck at its
 first value, at half gain about its rest, drifting by 30 % of its range, exchanged with the next channel, and dead (0). Wrong: rows that
 are GOOD and moved by more than 10 % of a component's full scale, mean over channels and kinds. Lost: undamaged rows that are not GOOD.
 """
@@ -69,10 +69,10 @@ def decoupled(tool, folder, recording, rows):
         return [(row["quality"], [float(row[name] or "nan") for name in recording.labels]) for row in csv.DictReader(file)]
 
 
-def judge(tool, folder, at, method):
+def judge(tool, folder, at, method, recorded):
     """Percent wrong by kind, and percent lost."""
-    run(tool, "calibrate", "--model", "generic", "--method", method, "--in", at + "_fit.csv", "--out", folder + "/c.toml", "--force")
-    fitted, unseen = Recording(at + "_fit.csv"), Recording(at + "_unseen.csv")
+    run(tool, "calibrate", "--model", "generic", "--method", method, "--in", f"{at}_{recorded}.csv", "--out", folder + "/c.toml", "--force")
+    fitted, unseen = Recording(f"{at}_{recorded}.csv"), Recording(at + "_unseen.csv")
     sound = decoupled(tool, folder, unseen, unseen.channels)
     n = len(sound)
     wrong = {}
@@ -90,6 +90,7 @@ def main():
     arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     arguments.add_argument("--seeds", default="1,2")
     arguments.add_argument("--methods", default="matrix,quadratic,rbf")
+    arguments.add_argument("--one-session", action="store_true")
     arguments.add_argument("binary_dirs", nargs="*", default=["build/release/bin"])
     asked = arguments.parse_args()
     tools = [os.path.abspath(folder) + "/tactilectl" for folder in asked.binary_dirs]
@@ -102,7 +103,7 @@ def main():
                 for method in asked.methods.split(","):
                     line = f"{seed:4} {name:10} {method:9}"
                     for i, tool in enumerate(tools):
-                        wrong, lost = judge(tool, folder, f"{folder}/{name}", method)
+                        wrong, lost = judge(tool, folder, f"{folder}/{name}", method, "one" if asked.one_session else "fit")
                         all_wrong[i].append(statistics.mean(wrong.values()))
                         all_lost[i].append(lost)
                         line += f" | {all_wrong[i][-1]:5.2f} ({' '.join(f'{share:.1f}' for share in wrong.values())}) {lost:5.2f}"
