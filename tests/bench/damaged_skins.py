@@ -71,8 +71,9 @@ def decoupled(tool, folder, recording, rows):
 
 def judge(tool, folder, at, method, recorded):
     """Percent wrong by kind, and percent lost."""
-    run(tool, "calibrate", "--model", "generic", "--method", method, "--in", f"{at}_{recorded}.csv", "--out", folder + "/c.toml", "--force")
     fitted, unseen = Recording(f"{at}_{recorded}.csv"), Recording(at + "_unseen.csv")
+    run(tool, "calibrate", "--model", "generic", "--method", method, "--in", f"{at}_{recorded}.csv", "--channels", ",".join(fitted.names),
+        "--out", folder + "/c.toml", "--force")
     sound = decoupled(tool, folder, unseen, unseen.channels)
     n = len(sound)
     wrong = {}
