@@ -20,7 +20,8 @@
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kMaxItems = 1u << 16;  // columns: an array of 4,096 taxels with labels has fewer
+constexpr std::size_t kMaxItems = 1u << 16;               // columns: an array of 4,096 taxels with labels has fewer
+constexpr std::size_t kMaxHeader_bytes = 64 * kMaxItems;  // the name and type of a column have fewer than 64 bytes
 
 // One column: where its value lies in a row, and its type.
 struct Field {
@@ -191,17 +192,23 @@ std::string quoted(std::string_view text) {
 class NpyText : public Bytes {
 public:
     NpyText(std::unique_ptr<Bytes> packed, std::string first, const std::string& name) : data_(std::move(first)) {
-        while (packed->read(data_)) {}
-        const auto byte = [&](std::size_t i) { return std::size_t(static_cast<unsigned char>(data_[i])); };
+        // An array of a few rows may be followed by any number of bytes, which are not read.
         const auto cut = [&] { throw SetupError(name + ": the npy file is cut off; copy it again"); };
-        if (data_.size() < 12) cut();
+        const auto need = [&](std::size_t bytes) {
+            while (data_.size() < bytes)
+                if (!packed->read(data_)) cut();
+        };
+        const auto byte = [&](std::size_t i) { return std::size_t(static_cast<unsigned char>(data_[i])); };
+        need(12);
         const bool is_long = data_[6] >= 2;
         const std::size_t begin = is_long ? 12 : 10;
         const std::size_t length = byte(8) | byte(9) << 8 | (is_long ? byte(10) << 16 | byte(11) << 24 : 0);
-        if (length > data_.size() - begin) cut();
-        array_ = Header(std::string_view(data_).substr(begin, length), name).read();
+        if (length > kMaxHeader_bytes) throw SetupError(name + ": the npy file has a damaged header");
         at_ = begin + length;
-        if (array_.rows > (data_.size() - at_) / array_.row_bytes) cut();
+        need(at_);
+        array_ = Header(std::string_view(data_).substr(begin, length), name).read();
+        if (array_.rows > (std::numeric_limits<std::size_t>::max() - at_) / array_.row_bytes) cut();
+        need(at_ + array_.rows * array_.row_bytes);
     }
     bool read(std::string& buffer) override {
         std::string line;

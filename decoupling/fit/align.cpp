@@ -86,8 +86,7 @@ std::string align_labels(const LabelledTable& table, const LabelledTable& labels
     for (const double d : parts) mean += d / double(parts.size());
     for (const double d : parts) square += (d - mean) * (d - mean) / double(parts.size() - 1);
     const double scatter_s = std::sqrt(square);
-    const Consequence of_scatter = consequence(many, series, fitted, offset_s);
-    if (!(scatter_s * of_scatter.per_second <= of_scatter.rest))
+    if (!(scatter_s * growth_per_s(many, series, fitted, offset_s) <= 1))
         refuse(table, labels,
                fmt::format(
                    "the offset differs by {:.3g} s between parts of the recording, as if one clock was faster; record both "

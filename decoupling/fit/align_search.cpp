@@ -1,6 +1,7 @@
 #include "decoupling/fit/align_search.hpp"
 
 #include <cmath>
+#include <optional>
 
 #include "decoupling/fit/least_squares.hpp"
 
@@ -9,6 +10,8 @@ namespace {
 
 constexpr std::size_t kMaxOffsets = 20'000;
 constexpr double kGap = 5;  // median intervals of the labels without one
+// Channels that explain more leave less than the rounding of the labels, 1e-6 of their norm.
+constexpr double kMinRest = 1e-12;
 
 // Subtracts the mean of each session from the rows that are there; sets the others to 0.
 void centre(Eigen::MatrixXd& values, const std::vector<std::size_t>& session, const std::vector<char>& is_there) {
@@ -25,6 +28,58 @@ void centre(Eigen::MatrixXd& values, const std::vector<std::size_t>& session, co
             values.row(Eigen::Index(i)).setZero();
     }
 }
+
+// Returns the part of the labels' variance that is in `residual`, of the forces or of the moments, whichever is smaller. An
+// axis without a load has noise only: it counts by its size, and not as a label that the channels do not explain. `weight`:
+// 1 / |residual|^2 of these labels, 0 for the others.
+double unexplained(const LabelSeries& series, const Eigen::RowVectorXd& residual, const Eigen::RowVectorXd& total,
+                   Eigen::RowVectorXd* weight = nullptr) {
+    double smallest = 1;
+    for (const bool is_moment : {false, true}) {
+        Eigen::RowVectorXd chosen(total.size());
+        for (Eigen::Index c = 0; c < total.size(); ++c) chosen[c] = (series.component[std::size_t(c)] >= 3) == is_moment;
+        const double all = chosen.dot(total);
+        const double rest = all > 0 ? std::max(chosen.dot(residual) / all, kMinRest) : 1;
+        if (rest >= smallest) continue;
+        smallest = rest;
+        if (weight != nullptr) *weight = chosen / (rest * all);
+    }
+    return smallest;
+}
+
+bool is_enough(std::size_t rows, Eigen::Index channels) { return rows >= 3 * std::size_t(channels) + 3; }
+
+// The channels without a mean and orthogonal to each other, in the rows that have labels at an offset. These rows are the
+// same at most offsets, so that the last result serves the next one.
+class OverlapBasis {
+public:
+    explicit OverlapBasis(const TimedReadings& readings) : readings_(readings) {}
+
+    // Returns the squared norm of the part of each label that the channels explain; nothing if the rows are too few.
+    std::optional<Eigen::RowVectorXd> explained(const Eigen::MatrixXd& label, const std::vector<char>& is_there) {
+        if (is_there != is_there_) set(is_there);
+        if (!is_enough_) return std::nullopt;
+        return (basis_.transpose() * label).colwise().squaredNorm();
+    }
+
+private:
+    void set(const std::vector<char>& is_there) {
+        is_there_ = is_there;
+        Eigen::MatrixXd channel = readings_.channel;
+        is_enough_ = is_enough(std::size_t(std::count(is_there.begin(), is_there.end(), 1)), channel.cols());
+        if (!is_enough_) return;
+        centre(channel, readings_.session, is_there);
+        for (Eigen::Index k = 0; k < channel.cols(); ++k)
+            if (const double norm = channel.col(k).norm(); norm > 0) channel.col(k) /= norm;
+        const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(channel);
+        basis_ = qr.householderQ() * Eigen::MatrixXd::Identity(channel.rows(), std::min(channel.rows(), qr.rank()));
+    }
+
+    const TimedReadings& readings_;
+    std::vector<char> is_there_;
+    bool is_enough_ = false;
+    Eigen::MatrixXd basis_;
+};
 
 }  // namespace
 
@@ -86,14 +141,11 @@ OffsetFit fit_at(const TimedReadings& readings, const LabelSeries& series, doubl
     Eigen::MatrixXd channel = readings.channel;
     centre(fitted.label, readings.session, fitted.is_there);
     centre(channel, readings.session, fitted.is_there);
-    if (fitted.rows < 3 * std::size_t(channel.cols()) + 3) return fitted;
+    if (!is_enough(fitted.rows, channel.cols())) return fitted;
     fitted.coefficients = channel.colPivHouseholderQr().solve(fitted.label);
     fitted.residual = fitted.label - channel * fitted.coefficients;
-    fitted.rest = 0;
-    for (Eigen::Index c = 0; c < fitted.label.cols(); ++c) {
-        const double all = fitted.label.col(c).squaredNorm();
-        fitted.rest += (all > 0 ? fitted.residual.col(c).squaredNorm() / all : 1) / double(fitted.label.cols());
-    }
+    fitted.rest =
+        unexplained(series, fitted.residual.colwise().squaredNorm(), fitted.label.colwise().squaredNorm(), &fitted.weight);
     return fitted;
 }
 
@@ -103,16 +155,9 @@ OffsetGrid coarse_search(const TimedReadings& readings, const LabelSeries& serie
     const double overlap_s = kMinOverlap * std::min(length_s, labels_s);
     coarse.first_s = series.t_s.front() - readings.t_s.back() + overlap_s;
     const double last_s = series.t_s.back() - readings.t_s.front() - overlap_s;
-    coarse.step_s =
-        std::max(std::max(median_step(series.t_s), length_s / 1e5), (last_s - coarse.first_s) / double(kMaxOffsets));
-    Eigen::MatrixXd channel = readings.channel;
-    centre(channel, readings.session, std::vector<char>(readings.t_s.size(), 1));
-    for (Eigen::Index k = 0; k < channel.cols(); ++k)
-        if (const double norm = channel.col(k).norm(); norm > 0) channel.col(k) /= norm;
-    const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(channel);
-    const Eigen::MatrixXd q =
-        qr.householderQ() * Eigen::MatrixXd::Identity(channel.rows(), std::min(channel.rows(), qr.rank()));
-    Eigen::MatrixXd label(channel.rows(), series.components());
+    coarse.step_s = std::max(median_step(series.t_s), (last_s - coarse.first_s) / double(kMaxOffsets));
+    OverlapBasis basis(readings);
+    Eigen::MatrixXd label(readings.channel.rows(), series.components());
     std::vector<char> is_there(readings.t_s.size());
     for (double offset_s = coarse.first_s; offset_s <= last_s; offset_s += coarse.step_s) {
         std::size_t n = 0;
@@ -121,13 +166,10 @@ OffsetGrid coarse_search(const TimedReadings& readings, const LabelSeries& serie
             n += is_there[i] ? 1 : 0;
         }
         centre(label, readings.session, is_there);
-        double rest = 0;
-        for (Eigen::Index c = 0; c < label.cols(); ++c) {
-            const double all = label.col(c).squaredNorm(), explained = (q.transpose() * label.col(c)).squaredNorm();
-            rest += (all > 0 ? 1 - explained / all : 1) / double(label.cols());
-        }
-        const double part = double(n) / double(readings.t_s.size());
-        coarse.rest.push_back(part * std::max(rest, 0.0) + (1 - part));
+        const Eigen::RowVectorXd total = label.colwise().squaredNorm();
+        const auto explained = basis.explained(label, is_there);
+        const double rest = explained ? unexplained(series, (total - *explained).cwiseMax(0), total) : 1;
+        coarse.rest.push_back(std::pow(rest, double(n) / double(readings.t_s.size())));
     }
     return coarse;
 }
@@ -155,12 +197,10 @@ std::vector<double> offsets_of_parts(const TimedReadings& readings, const LabelS
     Eigen::MatrixXd channel = readings.channel;
     centre(channel, readings.session, all.is_there);
     const Eigen::MatrixXd predicted = channel * all.coefficients;
-    Eigen::RowVectorXd scale(all.label.cols());
-    for (Eigen::Index c = 0; c < scale.size(); ++c) scale[c] = std::max(all.label.col(c).norm(), 1e-300);
     for (std::size_t part = 0; part < kParts; ++part) {
         const std::size_t begin = part * n / kParts, end = (part + 1) * n / kParts;
         const auto error = [&](double d) {
-            Eigen::RowVectorXd sum = Eigen::RowVectorXd::Zero(scale.size()), label(scale.size()), mean = sum;
+            Eigen::RowVectorXd sum = Eigen::RowVectorXd::Zero(series.components()), label = sum, mean = sum;
             std::vector<Eigen::RowVectorXd> rest;
             for (std::size_t i = begin; i < end; ++i)
                 if (all.is_there[i] && series.at(readings.t_s[i] + d, label)) {
@@ -168,7 +208,7 @@ std::vector<double> offsets_of_parts(const TimedReadings& readings, const LabelS
                     mean += rest.back();
                 }
             for (const auto& each : rest) sum += (each - mean / double(rest.size())).array().square().matrix();
-            return sum.cwiseQuotient(scale.cwiseProduct(scale)).sum();
+            return sum.dot(all.weight);
         };
         const double best = minimum(error, offset_s, width_s, 1e-4 * width_s);
         if (std::abs(best - offset_s) < 0.98 * width_s) result.push_back(best);
@@ -176,21 +216,13 @@ std::vector<double> offsets_of_parts(const TimedReadings& readings, const LabelS
     return result;
 }
 
-Consequence consequence(const TimedReadings& readings, const LabelSeries& series, const OffsetFit& all, double offset_s) {
-    Consequence result;
+double growth_per_s(const TimedReadings& readings, const LabelSeries& series, const OffsetFit& all, double offset_s) {
     const double h = median_step(series.t_s);
     Eigen::RowVectorXd before(series.components()), after = before, square = Eigen::RowVectorXd::Zero(series.components());
     for (std::size_t i = 0; i < readings.t_s.size(); ++i)
         if (series.at(readings.t_s[i] + offset_s - h, before) && series.at(readings.t_s[i] + offset_s + h, after))
             square += ((after - before) / (2 * h)).array().square().matrix();
-    for (Eigen::Index c = 0; c < square.size(); ++c) {
-        const double all_of = all.label.col(c).squaredNorm();
-        if (!(all_of > 0)) continue;
-        result.per_second += square[c] / all_of;
-        result.rest += all.residual.col(c).squaredNorm() / all_of;
-    }
-    result.per_second = std::sqrt(result.per_second), result.rest = std::sqrt(result.rest);
-    return result;
+    return std::sqrt(square.dot(all.weight));
 }
 
 }  // namespace tactiled

@@ -53,9 +53,11 @@ struct TimedReadings {
 };
 
 struct OffsetFit {
-    double rest = std::numeric_limits<double>::quiet_NaN();  // part of the labels' variance that the channels do not explain
+    double rest = std::numeric_limits<double>::quiet_NaN();  // unexplained part of the variance, of forces or of moments
     std::size_t rows = 0;
     Eigen::MatrixXd coefficients, residual, label;  // centred; residual in N and Nm
+    // Per label: 1 / |residual|^2 of the forces or of the moments, whichever the channels explain better; 0 for the others.
+    Eigen::RowVectorXd weight;
     std::vector<char> is_there;
 };
 
@@ -77,8 +79,8 @@ double minimum(F f, double middle, double width, double until) {
     return (a + b) / 2;
 }
 
-// The unexplained part on a grid of offsets. The channels are made orthogonal once; a row without a label counts as
-// unexplained, so that a small overlap cannot win.
+// The likelihood of offsets on a grid: its logarithm is -rows / 2 log(rest), where `rest` is the unexplained part of the
+// labels, to the power of the part of the rows that have labels. A row without a label says nothing about the offset.
 struct OffsetGrid {
     double first_s = 0, step_s = 0;
     std::vector<double> rest;
@@ -99,11 +101,7 @@ OffsetPeak peak_of(const OffsetGrid& coarse, double length_s);
 std::vector<double> offsets_of_parts(const TimedReadings& readings, const LabelSeries& series, const OffsetFit& all,
                                      double offset_s, double width_s);
 
-// The rate at which the labels change, and what the channels leave of them, both relative to their norms: rms over
-// components.
-struct Consequence {
-    double per_second = 0, rest = 0;
-};
-Consequence consequence(const TimedReadings& readings, const LabelSeries& series, const OffsetFit& all, double offset_s);
+// Returns the growth of the labels' error with an error of the offset, relative to the residual of `all`.
+double growth_per_s(const TimedReadings& readings, const LabelSeries& series, const OffsetFit& all, double offset_s);
 
 }  // namespace tactiled

@@ -146,7 +146,8 @@ private:
             column.note = cell_[k].count > 0 ? "" : "empty";
         }
     }
-    // Numbers of a time without a unit are seconds if they have parts of a second, or are closer to each other than one.
+    // Numbers of a time without a unit are taken as seconds if one of them has parts of a second. Whole numbers that differ
+    // may as well be milliseconds.
     void check_assumed_seconds() {
         double steps = 0;
         for (std::size_t i = 0; i < table_.rows(); ++i) {

@@ -17,6 +17,7 @@
 #include "node/ctl/status_text.hpp"
 #include "node/ctl/verb.hpp"
 #include "node/setup.hpp"
+#include "node/tuning.hpp"
 
 namespace tactiled::ctl {
 namespace {
@@ -52,14 +53,16 @@ std::string age_of_zero(const Calibration& calibration) {
                        calibration.zero_rate_per_h.empty() ? "assumed: the sd of the force" : "zero_rate_per_h", hours);
 }
 
-// Returns the undetected damage of a channel, and whether it is above the limit.
+// Returns the undetected damage of a channel, and whether the limit makes the sensor UNCERTAIN, as the daemon judges it.
 std::string damage_of(const Node& node, std::size_t i, const Calibration& calibration) {
+    const SensorSettings& sensor = node.config.sensors[i];
     const tactiled_undetected undetected = tactiled_undetected_in(&node.plan.sensors[i]);
     const bool is_known = std::isfinite(undetected.mean);
     const std::string text = damage_text(undetected, is_known ? calibration.channels[undetected.channel] : "");
-    const double limit = node.config.sensors[i].undetected_damage_limit;
-    if (limit == SensorTuning::kUnlimited || (is_known && double(undetected.mean) <= limit)) return text;
-    return fmt::format("{}; above undetected_damage_limit = {}, so it is UNCERTAIN (not-redundant)", text, limit);
+    const Tuning tuning = tuning_of(sensor, calibration, {}, node.plan.sensors[i].full_scale, nullptr);
+    if ((tuning.reasons & TACTILED_NOT_REDUNDANT) == 0) return text;
+    return fmt::format("{}; {} undetected_damage_limit = {}, so it is UNCERTAIN (not-redundant)", text,
+                       is_known ? "above" : "it cannot be compared with", sensor.undetected_damage_limit);
 }
 
 struct Args {

@@ -11,7 +11,7 @@ namespace {
 
 struct Cause {
     std::string_view words;   // in every warning of this cause
-    std::string_view remedy;  // "" = the warning names it
+    std::string_view remedy;  // a sentence without its full stop; "" = the warning names it
 };
 
 // The one table of causes, by consequence: numbers without a claim, claims that may be false, claims that hold for less than
@@ -20,54 +20,53 @@ constexpr Cause kCauses[] = {
     {"not validated, so no standard deviation", ""},
     // The claims may be false.
     {"no sensor is as good as that", ""},
-    {"is no smaller than the spread", "see the loads of that axis, or leave the label out"},
+    {"is no smaller than the spread", "See the loads of that axis, or leave the label out"},
     {"contradict", ""},
     {"of session \"", ""},
-    {"labels are in ", "correct the unit in the column's name: fz_mN, fz_g, mx_Nmm"},
-    {"are the moments in Nmm", "correct the unit in the column's name"},
+    {"labels are in ", "Correct the unit in the column's name: fz_mN, fz_g, mx_Nmm"},
+    {"are the moments in Nmm", "Correct the unit in the column's name"},
     {"is fz_N in another unit", ""},
     {"is never negative", ""},
-    {"falls under a press", "change the sign of the labels"},
+    {"falls under a press", "Change the sign of the labels"},
     {"rises under a shear towards it", ""},
-    {"the geometry or the elastomer is not that", "state the parameters with --set"},
+    {"the geometry or the elastomer is not that", "State the parameters with --set"},
     {"all labels are exactly 0", ""},
-    {"far better (straight line", "shift the times of one of them (--labels FILE fits the offset)"},
+    {"far better (straight line", "Shift the times of one of them (--labels FILE fits the offset)"},
     {"more rows disagree", ""},
     {"disagree with the rest in", ""},
     {"rises in every row", ""},
     {"is it at its saturation limit", ""},
     {"t_s goes backwards", ""},
-    {"are these times in milliseconds", "name the column t_ms"},
-    {"condition number", "leave out a channel that repeats others (--channels), or load the axes in other combinations"},
-    {"hardly vary independently", "load these axes one without the other"},
+    {"are these times in milliseconds", "Name the column t_ms"},
+    {"condition number", "Leave out a channel that repeats others (--channels), or load the axes in other combinations"},
+    {"hardly vary independently", "Load these axes one without the other"},
     {"to be multiplied by", ""},
     {"unexplained", ""},
     // The claims hold, but for less.
     {"the zero drifted in an hour", ""},
     {"each session has its own zero", ""},
-    {"zero drift", "tare after each mounting"},
+    {"zero drift", "Tare after each mounting"},
     {"is not straight, so that a tare", ""},
     {"no row is unloaded", ""},
-    {"not a straight line", "use method quadratic or rbf (--method auto)"},
-    {"one session only", "record a second session after mounting the sensor again"},
+    {"not a straight line", "Use method quadratic or rbf (--method auto)"},
+    {"one session only", "Record a second session after mounting the sensor again"},
     {"validated by loads", ""},
     {"hysteresis is not in the error", ""},
     {"disagree with method", ""},
     {"do not determine all terms", ""},
-    {"assumed", "state them with --set, or record such loads"},
-    {"no parity", "the channels are not checked against each other; leave --parity out"},
+    {"assumed", "State them with --set, or record such loads"},
     // Something was left out.
-    {"saturation limit: left out", "record these loads with a smaller gain"},
-    {"lack a channel: left out", "see the empty cells of the channels"},
-    {"left out", "it is not used; --channels chooses"},
-    {"its held-out error is above", "use that method"},
+    {"saturation limit: left out", "Record these loads with a smaller gain"},
+    {"lack a channel: left out", "See the empty cells of the channels"},
+    {"left out", "It is not used; --channels chooses"},
+    {"its held-out error is above", "Use that method"},
     {"is not lower than", ""},
-    {"keeps method", "use that method, which is faster"},
-    {"Vp rises less and less", "record presses in smaller steps"},
-    {"no normal_curve", "record presses in small steps up to full scale"},
-    {"temperature_C covers", "record over 2 K or more, or declare temperature_range_C"},
-    {"no channel follows temperature_C", "nothing is corrected; check the thermometer's place"},
-    {"was not used", "leave the option out, or correct its name"},
+    {"keeps method", "Use that method, which is faster"},
+    {"Vp rises less and less", "Record presses in smaller steps"},
+    {"no normal_curve", "Record presses in small steps up to full scale"},
+    {"temperature_C covers", "Record over 2 K or more, or declare temperature_range_C"},
+    {"no channel follows temperature_C", "Nothing is corrected; check the thermometer's place"},
+    {"was not used", "Leave the option out, or correct its name"},
 };
 
 std::size_t rank_of(const std::string& warning) {
@@ -120,9 +119,10 @@ std::vector<std::string> warning_page(const std::vector<std::string>& warnings) 
     for (std::size_t i = 0; i < causes; ++i) {
         const Entry& entry = merged[i];
         const std::string_view remedy = entry.rank < std::size(kCauses) ? kCauses[entry.rank].remedy : "";
-        lines.push_back(fmt::format("{}{}{}{}", entry.text,
-                                    more[i] > 0 ? fmt::format(" (and {} more of this kind: --json has all)", more[i]) : "",
-                                    remedy.empty() ? "" : ". ", remedy));
+        std::string line = entry.text;
+        if (more[i] > 0) line += fmt::format(" (and {} more of this kind: --json has all)", more[i]);
+        if (!remedy.empty()) line += fmt::format("{} {}", line.ends_with('?') ? "" : ".", remedy);
+        lines.push_back(std::move(line));
         for (std::size_t k = 0; k < entry.details.size() && room > 0; ++k, --room) lines.push_back(entry.details[k]);
     }
     if (causes < merged.size()) lines.push_back(fmt::format("and {} more causes: --json has all", merged.size() - causes));

@@ -61,7 +61,11 @@ class Check(unittest.TestCase):
         self.assertIn(states + "; above undetected_damage_limit = 0.1, so it is UNCERTAIN (not-redundant)",
                       self.check(limited, CALIBRATION + damage).stdout)
         self.assertNotIn("not-redundant", self.check(limited.replace("= 0.1", "= 0.21"), CALIBRATION + damage).stdout)
-        self.assertIn("not-redundant", self.check(limited.replace("= 0.1", "= 1"), CALIBRATION).stdout)
+        self.assertIn("is unknown: calibrate again; it cannot be compared with undetected_damage_limit = 1, so it is UNCERTAIN",
+                      self.check(limited.replace("= 0.1", "= 1"), CALIBRATION).stdout)
+        # The mean 0.3 / 3 is not above 0.1 in double, and above it in float.
+        equal = damage.replace("0.6]", "0.3]")
+        self.assertNotIn("not-redundant", self.check(limited, CALIBRATION + equal).stdout)
 
     def test_loads_that_the_channels_cannot_show_are_named(self):
         self.assertIn("a press beside the places of the calibration (3 channels, 5 unknowns)", self.check(CONFIG).stdout)

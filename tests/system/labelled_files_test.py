@@ -1,7 +1,10 @@
 """tactilectl calibrate on the files of others: the right values or the right sentence, and never a channel that is none."""
+import gzip
 import pathlib
 import re
+import struct
 import subprocess
+import sys
 import tempfile
 import tomllib
 import unittest
@@ -26,7 +29,7 @@ class Shapes(unittest.TestCase):
         """Returns the process and the calibration, None if there is none."""
         out = cls.folder / "out.toml"
         out.unlink(missing_ok=True)
-        if labels := cls.expected[name].get("labels"):
+        if labels := cls.expected.get(name, {}).get("labels"):
             (cls.folder / "labels.csv").write_text(labels)
             words += ("--labels", cls.folder / "labels.csv")
         done = subprocess.run([BIN / "tactilectl", "calibrate", "--model", "generic", "--in", cls.folder / name, "--out", out,
@@ -79,6 +82,43 @@ class Shapes(unittest.TestCase):
         offset, sd = re.search(r"channels \+ ([\d.]+) s \(sd ([\de.-]+) s\)", done.stderr).groups()
         self.assertAlmostEqual(float(offset), 0.37, delta=0.005)
         self.assertLess(float(sd), 0.005)
+
+    def offset_s(self, skin, labels):
+        """Returns the offset that is said for two texts, and its standard deviation."""
+        (self.folder / "offset_skin.csv").write_text(skin)
+        (self.folder / "offset_labels.csv").write_text(labels)
+        done, _ = self.calibrate("offset_skin.csv", "--labels", self.folder / "offset_labels.csv")
+        said = re.search(r"channels ([+-]) ([\d.]+) s \(sd ([\de.-]+) s\)", done.stderr)
+        self.assertIsNotNone(said, done.stderr)
+        return float(said[1] + said[2]), float(said[3])
+
+    def test_a_similar_press_with_full_overlap_does_not_beat_the_true_one(self):
+        for late_s in (0, 5, 10):
+            offset, sd = self.offset_s(*labelled_shapes.repeating(late_s))
+            self.assertAlmostEqual(offset, 0, delta=0.005, msg=late_s)
+            self.assertLess(sd, 0.005)
+
+    def test_axes_without_a_load_do_not_count_as_unexplained(self):
+        offset, sd = self.offset_s(*labelled_shapes.unloaded_axes())
+        self.assertAlmostEqual(offset, 0, delta=0.005)
+        self.assertLess(sd, 0.005)
+
+    def test_an_array_is_read_as_far_as_its_header_says(self):
+        values = struct.pack("<8d", *range(8))
+        behind_MiB = 128
+        data = labelled_shapes.npy("'<f8'", "(2, 4)", values) + bytes(behind_MiB * 2**20)
+        (self.folder / "long.npy.gz").write_bytes(gzip.compress(data, 1))
+        (self.folder / "short.npy").write_bytes(labelled_shapes.npy("'<f8'", "(3, 4)", values))
+        (self.folder / "endless.npy").write_bytes(labelled_shapes.npy("'<f8'", f"({2**62}, 4)", values))
+        peak_MiB = []
+        for name in ("short.npy", "endless.npy", "long.npy.gz"):
+            code = ("import resource, subprocess, sys; r = subprocess.run(sys.argv[1:], capture_output=True, text=True); "
+                    "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss, r.stderr)")
+            done = subprocess.run([sys.executable, "-c", code, BIN / "tactilectl", "calibrate", "--model", "generic", "--in",
+                                   self.folder / name, "--out", self.folder / "none.toml"], capture_output=True, text=True)
+            self.assertEqual("cut off" in done.stdout, name != "long.npy.gz", done.stdout)
+            peak_MiB.append(int(done.stdout.split()[0]) / 1024)
+        self.assertLess(peak_MiB[-1], peak_MiB[0] + behind_MiB / 2, "it held what follows the array")
 
     def test_a_matrix_without_names_is_read_with_names(self):
         done, got = self.calibrate("matrix.npy", "--columns", ",".join(labelled_shapes.PLAIN))

@@ -245,6 +245,35 @@ def two_clocks():
     yield "no_relation.csv", skin, {"labels": table(head, other), "refuse": ["cannot be aligned"]}
 
 
+def repeating(late_s, scatter=0.1, period_s=5, presses=20):
+    """Similar presses, of which the channels and the labels miss the ends; both have one clock."""
+    random_ = random.Random(1)
+    size = [10 * (1 + random_.gauss(0, scatter)) for _ in range(2 * presses)]
+
+    def press(t_s):
+        return -size[int(t_s // period_s)] * max(0, math.sin(2 * math.pi * (t_s % period_s) / period_s))
+
+    skin, labels = [], []
+    for i in range(presses * period_s * 20):
+        t_s = late_s + i / 20
+        skin.append([f"{t_s:.3f}", *[f"{20000 + g * press(t_s) + random_.gauss(0, 3):.2f}" for g in (310, -290, 150, -250)]])
+    for i in range(presses * period_s * 100):
+        labels.append([f"{i / 100:.3f}", f"{press(i / 100) + random_.gauss(0, 0.004):.4f}"])
+    return table(["t_s", "R1", "R2", "R3", "R4"], skin), table(["t_s", "fz_N"], labels)
+
+
+def unloaded_axes():
+    """Presses without shear; the reference has six axes, of which five show noise."""
+    noise, lines, skin = random.Random(5), [], []
+    for r in RECORDING:
+        raw = [f"{z + g[2] * r.force_N[2] + noise.gauss(0, 3):.2f}" for z, g in zip(ZERO, GAIN)]
+        skin.append([seconds(r), *raw, session(r)])
+        other = [f"{noise.gauss(0, sd):.5f}" for sd in (0.004, 0.004, 1e-4, 1e-4, 1e-4)]
+        lines.append([seconds(r), *other[:2], f"{r.force_N[2]:.4f}", *other[2:]])
+    head = ["t_s", "fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"]
+    return table(["t_s", *CHANNELS, "session"], skin), table(head, lines)
+
+
 def write(folder):
     """Writes all files and returns {name: what must come of it}."""
     expected = {}
