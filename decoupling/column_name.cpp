@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cctype>
 #include <numbers>
+#include <set>
 
 namespace tactiled {
 namespace {
@@ -65,15 +66,18 @@ constexpr ColumnUnit kUnits[] = {
     {"seconds", Quantity::time, 1},
     {"ms", Quantity::time, 1e-3},
     {"msec", Quantity::time, 1e-3},
+    {"msecs", Quantity::time, 1e-3},
     {"millis", Quantity::time, 1e-3},
     {"milliseconds", Quantity::time, 1e-3},
     {"us", Quantity::time, 1e-6},
     {"\u00b5s", Quantity::time, 1e-6},
     {"usec", Quantity::time, 1e-6},
+    {"usecs", Quantity::time, 1e-6},
     {"micros", Quantity::time, 1e-6},
     {"microseconds", Quantity::time, 1e-6},
     {"ns", Quantity::time, 1e-9},
     {"nsec", Quantity::time, 1e-9},
+    {"nsecs", Quantity::time, 1e-9},
     {"nanos", Quantity::time, 1e-9},
     {"nanosec", Quantity::time, 1e-9},
     {"nanosecs", Quantity::time, 1e-9},
@@ -121,6 +125,11 @@ constexpr ColumnUnit kUnits[] = {
     {"kOhm", Quantity::reading},
     {"\u03a9", Quantity::reading},
     {"k\u03a9", Quantity::reading},
+    {"S", Quantity::reading},  // siemens
+    {"mS", Quantity::reading},
+    {"uS", Quantity::reading},
+    {"\u00b5S", Quantity::reading},
+    {"nS", Quantity::reading},
     {"T", Quantity::reading},
     {"mT", Quantity::reading},
     {"uT", Quantity::reading},
@@ -193,20 +202,15 @@ const ColumnUnit* take_unit(std::string_view& name) {
         if (unit != nullptr) name = trimmed(name.substr(0, open));
         return unit;
     }
+    // "mV/V" behind '_' and "N.m" behind '/' are one unit; so the longest text that is a unit counts.
+    const ColumnUnit* longest = nullptr;
+    std::size_t end = 0;
     for (std::size_t at = name.size(); at-- > 1;) {
         if (std::string_view(" _/,.-").find(name[at]) == std::string_view::npos) continue;
-        const ColumnUnit* unit = find_unit(name.substr(at + 1));
-        if (unit == nullptr) continue;
-        // "mV/V" behind '_' is one unit; so the longest text that is a unit counts.
-        for (std::size_t more = at; more-- > 1;)
-            if (std::string_view(" _").find(name[more]) != std::string_view::npos) {
-                if (const ColumnUnit* longer = find_unit(name.substr(more + 1)); longer != nullptr) unit = longer, at = more;
-                break;
-            }
-        name = trimmed(name.substr(0, at));
-        return unit;
+        if (const ColumnUnit* unit = find_unit(name.substr(at + 1)); unit != nullptr) longest = unit, end = at;
     }
-    return nullptr;
+    if (longest != nullptr) name = trimmed(name.substr(0, end));
+    return longest;
 }
 
 }  // namespace
@@ -245,6 +249,35 @@ ColumnName column_name(std::string_view name) {
     if (result.unit == nullptr) stem = trimmed(name);
     result.stem = std::string(stem);
     result.words = words_of(stem);
+    result.text = std::string(name);
+    return result;
+}
+
+std::vector<ColumnName> column_names(const std::vector<std::string>& names) {
+    // Returns the text before a letter at the end: "ch" of "ch_C"; "" if there is none.
+    const auto before_letter = [](std::string_view name) {
+        const std::string_view text = trimmed(name);
+        const bool has =
+            text.size() > 2 && is_letter(text.back()) && std::string_view(" _-.").find(text[text.size() - 2]) != text.npos;
+        return std::string(has ? text.substr(0, text.size() - 2) : std::string_view());
+    };
+    std::set<std::string> families;  // with a letter that is neither a unit nor an axis
+    for (const std::string& name : names)
+        if (const std::string stem = before_letter(name); !stem.empty()) {
+            const std::string_view letter = trimmed(name).substr(stem.size() + 1);
+            if (find_unit(letter) == nullptr && std::string_view("xyzXYZ").find(letter) == letter.npos)
+                families.insert(stem);
+        }
+    std::vector<ColumnName> result;
+    for (const std::string& name : names) {
+        result.push_back(column_name(name));
+        ColumnName& each = result.back();
+        if (name == "t_s" || each.unit == nullptr || each.unit->quantity == Quantity::force) continue;
+        if (families.count(before_letter(name)) == 0) continue;
+        each.unit = nullptr;
+        each.stem = std::string(trimmed(name));
+        each.words = words_of(each.stem);
+    }
     return result;
 }
 

@@ -21,12 +21,6 @@ std::string shown(std::string_view text) {
     return result;
 }
 
-// Marks of spreadsheets, pandas, R and databases for a value that is not there.
-bool is_missing(std::string_view cell) {
-    constexpr std::string_view kMarks[] = {"NA", "N/A", "#N/A", "n/a", "NULL", "null", "None", "NaT", "-", "--", "<NA>"};
-    return std::find(std::begin(kMarks), std::end(kMarks), cell) != std::end(kMarks);
-}
-
 std::optional<double> parse(std::string_view text) {
     if (text.starts_with('+') && !text.starts_with("+-")) text.remove_prefix(1);
     double value = 0;
@@ -49,6 +43,11 @@ std::string hint(std::string_view cell, std::int64_t line) {
 }
 
 }  // namespace
+
+bool is_missing(std::string_view cell) {
+    constexpr std::string_view kMarks[] = {"NA", "N/A", "#N/A", "n/a", "NULL", "null", "None", "NaT", "-", "--", "<NA>"};
+    return std::find(std::begin(kMarks), std::end(kMarks), cell) != std::end(kMarks);
+}
 
 CsvReader::CsvReader(const std::string& path, std::vector<std::string> names) : lines_(path) {
     find_header(std::move(names));

@@ -26,6 +26,9 @@ using File = std::unique_ptr<std::FILE, CloseFile>;
 // can hold.
 std::string channel_name(std::string_view column);
 
+// True for a mark of spreadsheets, pandas, R and databases for a value that is not there.
+bool is_missing(std::string_view cell);
+
 class CsvReader {
 public:
     // Opens a file and reads its header; "-" is standard input. Reads gzip and npy, text in UTF-8, UTF-16 and Latin-1; cells
@@ -54,6 +57,7 @@ public:
     [[nodiscard]] std::string fault(std::size_t column) const;
 
     [[nodiscard]] std::int64_t line() const { return line_; }
+    [[nodiscard]] char separator() const { return separator_; }  // ' ' = any number of blanks
     [[nodiscard]] const std::string& name() const { return lines_.name(); }
     // Describes what is unusual about the file: "gzip, separated by ';', decimals with ','"; "" = nothing.
     [[nodiscard]] std::string about() const;
@@ -65,10 +69,15 @@ private:
         std::int64_t number;
     };
     struct Preamble;  // csv_header.cpp
+    bool is_row(Preamble& preamble, const std::string& line);
+    bool is_followed(Preamble& preamble, const std::string& word);
+    bool fetch(Preamble& preamble, Line& line);
 
     bool read_line();
     void find_header(std::vector<std::string> names);
+    [[nodiscard]] std::size_t choose_header(const Preamble& preamble);
     void take_header(const Preamble& preamble, std::vector<std::string> names);
+    void take_units();
     void check_names();
     void split() { cells_ = cells_of(buffer_, separator_); }
     [[nodiscard]] std::vector<std::string> cells_of(std::string_view line, char separator) const;

@@ -8,8 +8,6 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "decoupling/column_name.hpp"
-
 namespace tactiled {
 namespace {
 
@@ -44,12 +42,16 @@ bool says_which(std::string_view word) {
                             "system", "since", "start", "recv", "log", "sensor", "device", "gps"});
 }
 
-Named named(std::string_view column) {
-    const ColumnName name = column_name(column);
+Named named(const ColumnName& name) {
+    const std::string_view column = name.text;
     std::vector<std::string> words;
     for (const std::string& word : name.words)
         if (!says_which(word) || (name.words.size() == 1 && word == "elapsed")) words.push_back(word);
-    const double unit_s = name.unit != nullptr && name.unit->quantity == Quantity::time ? name.unit->factor : 0;
+    const bool is_capital = name.unit != nullptr && name.unit->text == "S" && words.size() == 1 &&
+                            is_one_of(words[0], {"t", "time", "timestamp"});  // seconds there, siemens elsewhere
+    const double unit_s = is_capital                                                      ? 1
+                          : name.unit != nullptr && name.unit->quantity == Quantity::time ? name.unit->factor
+                                                                                          : 0;
     if (name.unit != nullptr && unit_s == 0) return {};
     const bool is_seconds = unit_s == 1 && column.find("sec") != column.npos;
     if (words.size() == 1) {
@@ -134,7 +136,7 @@ std::optional<std::int64_t> whole(std::string_view cell) {
 
 }  // namespace
 
-bool names_time(std::string_view column) {
+bool names_time(const ColumnName& column) {
     const Named what = named(column);
     return what.what != Named::none || what.unit_s > 0;
 }
@@ -143,8 +145,9 @@ bool is_date(std::string_view cell) { return iso_ns(cell).has_value(); }
 
 TimeColumn::TimeColumn(const std::vector<std::string>& columns) {
     std::optional<std::size_t> seconds, nanoseconds, first, of_unit;
+    const std::vector<ColumnName> names = column_names(columns);
     for (std::size_t k = 0; k < columns.size(); ++k) {
-        const Named what = named(columns[k]);
+        const Named what = named(names[k]);
         if (what.what == Named::seconds && !seconds) seconds = k;
         if (what.what == Named::nanoseconds && !nanoseconds) nanoseconds = k;
         if (what.what != Named::none && !first) first = k;
@@ -161,7 +164,7 @@ TimeColumn::TimeColumn(const std::vector<std::string>& columns) {
     }
     if (!column_) return;
     name_ = columns[*column_];
-    unit_s_ = named(name_).unit_s;
+    unit_s_ = named(names[*column_]).unit_s;
 }
 
 std::vector<std::size_t> TimeColumn::columns() const {

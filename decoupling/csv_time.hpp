@@ -6,12 +6,13 @@
 #include <string>
 #include <vector>
 
+#include "decoupling/column_name.hpp"
 #include "decoupling/csv.hpp"
 
 namespace tactiled {
 
 // Returns true if the name is that of a time, whether it is used or not. setup
-bool names_time(std::string_view column);
+bool names_time(const ColumnName& column);
 // Returns true if the cell is a date of ISO 8601 with a time.
 bool is_date(std::string_view cell);
 

@@ -34,7 +34,6 @@ public:
 private:
     bool fill(std::size_t bytes);
     int get();
-    bool next_utf16(std::string& line);
     void recognise(const std::string& path);
 
     std::string name_;

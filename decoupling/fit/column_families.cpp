@@ -12,15 +12,13 @@
 namespace tactiled {
 namespace {
 
-// The text before the index of a channel: "R" of R1, "B" of Bx1 and of By, "ch" of ch_A. No value without an index.
-// `needs_others`: an axis or a letter is an index only beside another one of the same stem.
+// The text before the index of a channel: "R" of R1, "B" of Bx1 and of By, "ch" of ch_A. No
+// value without an index. `needs_others`: an axis or a letter is an index only beside another one of the same stem.
 struct Shape {
     std::string stem;
     bool needs_others;
 };
-std::optional<Shape> shape_of(const std::string& text) {
-    const ColumnName name = column_name(text);
-    const std::string& stem = name.stem;
+std::optional<Shape> shape_of(const std::string& stem) {
     const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
     const auto digit = std::find_if(stem.begin(), stem.end(), is_digit);
     std::string before(stem.begin(), digit);
@@ -49,9 +47,8 @@ std::optional<Shape> shape_of(const std::string& text) {
     return Shape{before, true};
 }
 
-// "ch#_mV" of ch12_mV, "m@#" of mz3, "S#_@" of S1_x: numbers and axes are the same for all channels.
-std::string pattern_of(const std::string& text) {
-    const std::string stem = column_name(text).stem;
+// "ch#" of ch12, "m@#" of mz3, "S#_@" of S1_x: numbers and axes are the same for all channels.
+std::string pattern_of(const std::string& stem) {
     const auto is = [](char c, std::string_view set) { return set.find(c) != set.npos; };
     constexpr std::string_view kDigits = "0123456789", kAxes = "xyzXYZ", kMarks = " _-.[]()";
     std::string pattern;
@@ -68,16 +65,16 @@ std::string pattern_of(const std::string& text) {
 }
 
 // Leaves out a name that is written otherwise than several others of its stem: B5_cmd beside B1 B2 B3.
-void mark_others(std::vector<Column>& columns, std::vector<std::size_t>& members) {
+void mark_others(std::vector<Column>& columns, const std::vector<ColumnName>& names, std::vector<std::size_t>& members) {
     std::map<std::string, std::size_t> patterns;
     const bool are_letters = std::none_of(members.begin(), members.end(), [&](std::size_t k) {
-        return pattern_of(columns[k].name).find_first_of("#@") != std::string::npos;
+        return pattern_of(names[k].stem).find_first_of("#@") != std::string::npos;
     });
     if (are_letters) return;
-    for (const std::size_t k : members) ++patterns[pattern_of(columns[k].name)];
+    for (const std::size_t k : members) ++patterns[pattern_of(names[k].stem)];
     const bool has_several = std::any_of(patterns.begin(), patterns.end(), [](const auto& each) { return each.second > 1; });
     std::erase_if(members, [&](std::size_t k) {
-        const bool is_other = has_several && patterns[pattern_of(columns[k].name)] == 1;
+        const bool is_other = has_several && patterns[pattern_of(names[k].stem)] == 1;
         if (is_other) columns[k].note = "written otherwise than the channels";
         return is_other;
     });
@@ -87,11 +84,14 @@ void mark_others(std::vector<Column>& columns, std::vector<std::size_t>& members
 
 // Names of one stem are the channels of one sensor. The file does not say which of several stems is the sensor.
 void find_channels(std::vector<Column>& columns, std::vector<std::string>& faults) {
+    std::vector<std::string> texts;
+    for (const Column& column : columns) texts.push_back(column.name);
+    const std::vector<ColumnName> names = column_names(texts);
     std::map<std::string, std::vector<std::size_t>> families;
     std::map<std::string, bool> is_alone;
     for (std::size_t k = 0; k < columns.size(); ++k) {
         if (columns[k].kind != ColumnKind::unknown || !columns[k].note.empty() || !columns[k].has_name) continue;
-        const auto shape = shape_of(columns[k].name);
+        const auto shape = shape_of(names[k].stem);
         if (!shape) continue;
         families[shape->stem].push_back(k);
         const auto at = is_alone.try_emplace(shape->stem, true).first;
@@ -103,17 +103,17 @@ void find_channels(std::vector<Column>& columns, std::vector<std::string>& fault
     const bool has_known =
         std::any_of(columns.begin(), columns.end(), [](const Column& column) { return column.kind == ColumnKind::channel; });
     if (stems.size() == 1 && !has_known) {
-        mark_others(columns, families[stems[0]]);
+        mark_others(columns, names, families[stems[0]]);
         for (const std::size_t k : families[stems[0]]) columns[k].kind = ColumnKind::channel, columns[k].is_used = true;
     } else if (!has_known && stems.size() > 1) {
         std::vector<std::string> lists;
         for (const std::string& stem : stems) {
-            std::vector<std::string> names;
+            std::vector<std::string> members;
             for (const std::size_t k : families[stem]) {
-                names.push_back(columns[k].name);
+                members.push_back(columns[k].name);
                 columns[k].note = "one of several families";
             }
-            lists.push_back(short_list(names));
+            lists.push_back(short_list(members));
         }
         faults.push_back(fmt::format("the channels may be {}: choose with --channels", fmt::join(lists, ", or ")));
     }

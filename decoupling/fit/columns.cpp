@@ -15,19 +15,17 @@
 namespace tactiled {
 namespace {
 
-// The one table of classes.
+// The classes, in the order of the list.
+struct ColumnClass {
+    ColumnKind kind;
+    const char* name;
+};
 constexpr ColumnClass kClasses[] = {
-    {ColumnKind::time, "time", "t_s, time_ms, timestamp, stamp.sec and stamp.nanosec ...", "converted to seconds"},
-    {ColumnKind::label, "label", "fz_N, Fz [mN], force_z (g), torque_x_Nmm ...", "converted to N and Nm"},
-    {ColumnKind::session, "session", "session", "one mounting or one recording"},
-    {ColumnKind::temperature, "temperature", "temperature_C, temp_K ...", "in degC: zero and gain against it"},
-    {ColumnKind::channel, "channel", "R1 R2, ch0 ch1, Bx By Bz, Bx1, A B C: one stem with numbers, axes or letters",
-     "fitted"},
-    {ColumnKind::place, "place", "x_mm, pose_x, joint1, depth, anything in m, deg or m/s", "not used"},
-    {ColumnKind::count, "row number", "index, sample, seq, or numbers that rise by the same step", "not used"},
-    {ColumnKind::constant, "constant", "any with one value only", "not used"},
-    {ColumnKind::text, "text", "any without a number", "not used"},
-    {ColumnKind::unknown, "unknown", "any other", "refused, unless --channels names the channels"},
+    {ColumnKind::time, "time"},        {ColumnKind::label, "label"},
+    {ColumnKind::session, "session"},  {ColumnKind::temperature, "temperature"},
+    {ColumnKind::channel, "channel"},  {ColumnKind::place, "place"},
+    {ColumnKind::count, "row number"}, {ColumnKind::constant, "constant"},
+    {ColumnKind::text, "text"},        {ColumnKind::unknown, "unknown"},
 };
 
 bool is_one_of(std::string_view word, std::initializer_list<std::string_view> words) {
@@ -124,23 +122,24 @@ void class_label(Column& column, const ColumnName& name, std::vector<std::string
 }
 
 // The class that the words and the unit state; channels are found afterwards.
-Column class_by_words(const std::string& text, KnownNames known, std::vector<std::string>& unitless) {
-    Column column{.name = text, .note = {}};
-    const ColumnName name = column_name(text);
+Column class_by_words(const ColumnName& name, KnownNames known, std::vector<std::string>& unitless) {
+    Column column{.name = name.text, .note = {}};
     column.component = component_of(name);
     const Quantity expected = column.component < 3 ? Quantity::force : Quantity::moment;
-    if (known != nullptr && known(text)) {
+    if (known != nullptr && known(name.text)) {
         column.kind = ColumnKind::channel;
     } else if (column.component < 6 && (name.unit == nullptr || name.unit->quantity == expected)) {
         class_label(column, name, unitless);
-    } else if (names_time(text)) {
+    } else if (names_time(name)) {
         column.kind = ColumnKind::time;
     } else if (!name.words.empty() && is_session(name.words[0]) && name.words.size() <= 2) {
         column.kind = ColumnKind::session;
     } else if (is_temperature(name)) {
         column.kind = ColumnKind::temperature;
-        column.note = name.unit == nullptr ? "no unit: name it temperature_C" : "";
-        if (name.unit != nullptr) column.factor = name.unit->factor, column.offset = name.unit->offset;
+        if (name.unit != nullptr && name.unit->quantity == Quantity::temperature)
+            column.factor = name.unit->factor, column.offset = name.unit->offset;
+        else
+            column.note = "no unit of temperature: name it temperature_C";
     } else if (is_count(name)) {
         column.kind = ColumnKind::count;
     } else if (is_place(name)) {
@@ -161,7 +160,7 @@ void check_chosen(std::vector<Column>& columns, const std::vector<std::string>& 
             faults.push_back(fmt::format("channel \"{}\" was chosen twice", name));
         } else if (at == columns.end()) {
             unknown.push_back(name);
-        } else if ((at->kind == ColumnKind::label && at->is_used) || at->kind == ColumnKind::time ||
+        } else if (((at->kind == ColumnKind::label || at->kind == ColumnKind::time) && at->is_used) ||
                    at->kind == ColumnKind::session) {
             faults.push_back(fmt::format("column \"{}\" is no channel: it is a time, a session or a label", name));
         } else {
@@ -177,13 +176,11 @@ void check_chosen(std::vector<Column>& columns, const std::vector<std::string>& 
 
 }  // namespace
 
-std::span<const ColumnClass> column_classes() { return kClasses; }
-
 std::vector<Column> class_columns(const std::vector<std::string>& names, const std::vector<std::string>& chosen,
                                   KnownNames known, std::vector<std::string>& faults) {
     std::vector<Column> columns;
     std::vector<std::string> unitless;
-    for (const std::string& name : names) columns.push_back(class_by_words(name, known, unitless));
+    for (const ColumnName& name : column_names(names)) columns.push_back(class_by_words(name, known, unitless));
     for (const std::size_t k : TimeColumn(names).columns()) columns[k].is_used = columns[k].kind == ColumnKind::time;
     check_chosen(columns, chosen, faults);
     std::erase_if(unitless, [&](const auto& name) { return std::find(chosen.begin(), chosen.end(), name) != chosen.end(); });

@@ -2,7 +2,6 @@
 // place or a command that became a channel would fit its recording only.
 #pragma once
 #include <cstddef>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -19,13 +18,6 @@ struct Column {
     double factor = 1, offset = 0;  // value in SI, or degC = factor * cell + offset
     std::string note;               // for the list: "in mN, times 0.001"; of an unknown one: the reason
 };
-
-// One row for each class: the list that calibrate prints, and the guide's table.
-struct ColumnClass {
-    ColumnKind kind;
-    const char *name, *names, *action;
-};
-std::span<const ColumnClass> column_classes();
 
 // Names that a model knows as those of its channels; nullptr: none.
 using KnownNames = bool (*)(std::string_view name);

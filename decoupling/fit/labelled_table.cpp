@@ -29,10 +29,53 @@ struct Repeated {
     }
 };
 
+// Looks for numbers that may have marks of thousands: "20,502" between tabs, "20.502" between semicolons. A mark is one of
+// decimals if one number has it at another place, or one of its column reaches 1000 without a mark.
+class Thousands {
+public:
+    explicit Thousands(std::size_t columns) : columns_(columns) {}
+    void look(std::size_t column, std::string_view cell) {
+        constexpr std::string_view kDigits = "0123456789";
+        const std::string_view text = cell.substr(cell.starts_with('-') || cell.starts_with('+') ? 1 : 0);
+        const std::size_t mark = std::min(text.find_first_not_of(kDigits), text.size());
+        if (mark == text.size()) {
+            columns_[column].is_large = columns_[column].is_large || mark > 3;
+            return;
+        }
+        const std::string_view behind = text.substr(mark + 1);
+        if ((text[mark] != '.' && text[mark] != ',') || behind.find_first_not_of("0123456789eE+-") != behind.npos) return;
+        if (mark >= 1 && mark <= 3 && text[0] != '0' && behind.size() == 3 &&
+            behind.find_first_not_of(kDigits) == behind.npos) {
+            columns_[column].has_mark = true;
+            if (first_.empty()) first_ = cell;
+        } else {
+            is_decimal_ = true;
+        }
+    }
+    // Returns the first number in doubt; "" if there is none.
+    [[nodiscard]] std::string doubt() const {
+        const bool is_proved = is_decimal_ || std::any_of(columns_.begin(), columns_.end(),
+                                                          [](const Seen& each) { return each.has_mark && each.is_large; });
+        return is_proved ? "" : first_;
+    }
+
+private:
+    struct Seen {
+        bool has_mark = false, is_large = false;
+    };
+    std::vector<Seen> columns_;
+    bool is_decimal_ = false;
+    std::string first_;
+};
+
 class TableReader {
 public:
     TableReader(const std::string& path, const Selection& selection)
-        : selection_(selection), csv_(path, selection.columns), time_(csv_.columns()), cell_(csv_.columns().size()) {}
+        : selection_(selection),
+          csv_(path, selection.columns),
+          time_(csv_.columns()),
+          cell_(csv_.columns().size()),
+          thousands_(csv_.columns().size()) {}
 
     LabelledTable read() {
         table_.name = csv_.name();
@@ -77,6 +120,7 @@ private:
             } catch (const SetupError& error) { time_fault_.add(error.what()); }
         table_.t_ns.push_back(t_ns);
         for (std::size_t k = 0; k < table_.values.size(); ++k) {
+            if (csv_.separator() != ',') thousands_.look(k, csv_.text(k));
             const bool is_number =
                 table_.columns[k].kind != ColumnKind::time && table_.columns[k].kind != ColumnKind::session;
             const auto value = is_number ? csv_.value(k) : kNaN;
@@ -135,7 +179,12 @@ private:
         for (std::size_t k = 0; k < table_.columns.size(); ++k)
             if (table_.columns[k].is_used) cell_[k].say(table_.faults);
         for (const Repeated* fault : {&row_, &time_fault_, &session_fault_}) fault->say(table_.faults);
-        if (time_.is_assumed()) check_assumed_seconds();
+        if (time_.is_there()) check_whole_seconds();
+        if (const std::string number = thousands_.doubt(); !number.empty())
+            table_.faults.push_back(
+                fmt::format("{}\"{}\" and all numbers like it: thousands or decimals? Write thousands without "
+                            "a mark, or all decimals with another number of digits",
+                            header_, number));
         check_sessions();
     }
     void set_texts() {
@@ -146,16 +195,22 @@ private:
             column.note = cell_[k].count > 0 ? "" : "empty";
         }
     }
-    // Numbers of a time without a unit are taken as seconds if one of them has parts of a second. Whole numbers that differ
-    // may as well be milliseconds.
-    void check_assumed_seconds() {
-        double steps = 0;
+    // Times in whole seconds: without a unit in the name they may be milliseconds; with several rows in each second their
+    // parts are missing. One time with a part of a second removes both doubts.
+    void check_whole_seconds() {
+        std::size_t steps = 0, repeats = 0;
         for (std::size_t i = 0; i < table_.rows(); ++i) {
             if (!table_.t_ns[i]) continue;
             if (*table_.t_ns[i] % 1'000'000'000 != 0) return;
-            if (i > 0 && table_.t_ns[i - 1] && *table_.t_ns[i] != *table_.t_ns[i - 1]) ++steps;
+            if (i > 0 && table_.t_ns[i - 1]) ++(*table_.t_ns[i] != *table_.t_ns[i - 1] ? steps : repeats);
         }
-        if (steps > 0)
+        if (steps == 0) return;
+        if (!time_.is_assumed() && repeats > steps)
+            table_.faults.push_back(
+                fmt::format("{}column {}: whole seconds with several rows in each; write the parts of a second, "
+                            "too, or delete the column",
+                            header_, table_.columns[time_.columns()[0]].name));
+        if (time_.is_assumed())
             table_.faults.push_back(
                 fmt::format("{}no unit: {}; its numbers are whole, so that seconds are in doubt: name it t_s, "
                             "t_ms, t_us or t_ns",
@@ -181,6 +236,7 @@ private:
     std::optional<std::size_t> session_;
     std::vector<std::string> seen_;  // sessions, chosen or not
     std::vector<Repeated> cell_;     // per column
+    Thousands thousands_;
     std::vector<std::size_t> numbers_;
     Repeated row_, time_fault_, session_fault_;
     std::int64_t last_line_ = -1;

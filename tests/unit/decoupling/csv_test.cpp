@@ -99,6 +99,25 @@ TEST(Csv, ReadsOtherSeparatorsDecimalsAndHeaders) {
     EXPECT_NE(complaint("t_s;R1\n0;1.234,5\n").find("is no number"), std::string::npos);
 }
 
+// Keys and values of an instrument above the header are no header and no row.
+TEST(Csv, TakesTheLastLineOfNamesAboveTheRows) {
+    const std::string table = "t_s,R1,R2\n0,1,2\n1,3,4\n";
+    for (const char* above : {"Rate,1000\n", "Instrument,Nano17\nRate,1000\n", "Rate,1000\nGain,5\nInstrument,Nano17\n",
+                              "Instrument,Nano17\nRate,1000\nGain,5\n", "time,skin,skin\n", "a,b,c\n", ",skin,\n"})
+        EXPECT_EQ(first_row(above + table), "t_s|R1|R2 = 0|1|2") << above;
+    const ScratchFile session("session,R1\na,1\na,2\n");
+    EXPECT_EQ(CsvReader(session.path()).columns(), (std::vector<std::string>{"session", "R1"}));
+    EXPECT_EQ(complaint("R1,R2\nNA,NA\n0,1\n"), "");
+    EXPECT_EQ(first_row("Rate,1000\nGain,5\nt_s,R1\n0,1\n"), "t_s|R1 = 0|1");
+}
+
+TEST(Csv, RefusesTwoUnitsOfOneColumn) {
+    EXPECT_NE(complaint("t_s,R1,fz_N\ns,counts,mN\n0,1,2\n").find(":2: column fz_N is in N by its name and in mN"),
+              std::string::npos);
+    EXPECT_EQ(first_row("t_s,R1,fz_N\ns,counts,newton\n0,1,2\n"), "t_s|R1 [counts]|fz_N = 0|1|2");
+    EXPECT_EQ(first_row("t_s,ch_A,ch_C\ns,mV,mV\n0,1,2\n"), "t_s|ch_A [mV]|ch_C [mV] = 0|1|2");
+}
+
 // Channels have no blanks in a calibration, and are found in the file nevertheless.
 TEST(Csv, FindsAChannelByItsNameInACalibration) {
     const ScratchFile file("t_s,Kanal 1 [V],R3\n0,1,2\n");
@@ -111,7 +130,7 @@ TEST(Csv, FindsAChannelByItsNameInACalibration) {
 TEST(Csv, NamesOtherFormatsAndTheirConversion) {
     for (const auto& [bytes, word] : {std::pair{std::string("PK\x03\x04[Content_Types].xml"), "libreoffice"},
                                       {std::string("\x89HDF\r\n\x1a\n"), "HDF5"},
-                                      {std::string("PAR1"), "read_parquet"},
+                                      {std::string("PAR1\x15\x04"), "read_parquet"},
                                       {std::string("{\"t\":0,\"R1\":1}\n"), "lines=True"},
                                       {std::string("MATLAB 5.0 MAT-file"), "loadmat"},
                                       {std::string("#ROSBAG V2.0\n"), "rostopic echo"}}) {
@@ -119,6 +138,8 @@ TEST(Csv, NamesOtherFormatsAndTheirConversion) {
         EXPECT_NE(text.find("convert it: "), std::string::npos) << bytes << text;
         EXPECT_NE(text.find(word), std::string::npos) << text;
     }
+    for (const char* header : {"PAR1,PAR2", "PK1,PK2", "FEA1,FEA2", "ARROW1,ARROW2", "BZh1,BZh2", "MATLAB_1,MATLAB_2"})
+        EXPECT_EQ(complaint(std::string(header) + "\n0.5,1.5\n"), "") << header;
 }
 
 TEST(Csv, NamesLineAndColumnOfWhatIsWrong) {
@@ -279,11 +300,12 @@ TEST(Labelled, TakesNoColumnThatIsNoChannel) {
 }
 
 TEST(Labelled, ColumnsWithTheNamesOfChannelsAndOtherNumbersAreAskedFor) {
-    const auto beside = [](auto value) {
+    const auto t_of = [](int i) { return 0.01 * i + 0.003 * (i % 4 == 1); };  // no row number
+    const auto beside = [&](auto value) {
         std::string text = "t_s,B1,B2,B3,fz_N\n";
         for (int i = 0; i < 60; ++i) {
             const double fz = -(i / 6) - 0.5 * (i / 12);
-            text += fmt::format("{},{},{},{},{}\n", 0.01 * i, fz + 0.01 * (i % 7), 0.02 * (i % 5), value(i, fz), fz);
+            text += fmt::format("{},{},{},{},{}\n", t_of(i), fz + 0.01 * (i % 7), 0.02 * (i % 5), value(i, fz), fz);
         }
         const ScratchFile file(text);
         try {
@@ -292,8 +314,7 @@ TEST(Labelled, ColumnsWithTheNamesOfChannelsAndOtherNumbersAreAskedFor) {
     };
     EXPECT_EQ(beside([](int i, double fz) { return fz + 0.03 * (i % 4); }), "B1 B2 B3");
     EXPECT_NE(beside([](int, double fz) { return 3 - 1000 * fz; }).find("B3 (a copy of fz_N)"), std::string::npos);
-    EXPECT_NE(beside([](int i, double) { return 4.0 * i * i - i * i * 4.0 + 0.5 * i + 0.1 * (i == 0); }).find("B1 B2"),
-              std::string::npos);
+    EXPECT_NE(beside([&](int i, double) { return 7 + 50 * t_of(i); }).find("B3 (a copy of the time)"), std::string::npos);
     EXPECT_NE(beside([](int, double fz) { return fz * fz; }).find("the same in all rows of a load"), std::string::npos);
     EXPECT_EQ(beside([](int i, double) { return 7.0 + i; }), "B1 B2");  // a row number
 }
