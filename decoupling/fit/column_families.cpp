@@ -82,7 +82,8 @@ void mark_others(std::vector<Column>& columns, const std::vector<ColumnName>& na
 
 }  // namespace
 
-// Names of one stem are the channels of one sensor. The file does not say which of several stems is the sensor.
+// Names of one stem are the channels of one sensor, and so is the only column that is left. The file does not say which of
+// several stems is the sensor.
 void find_channels(std::vector<Column>& columns, std::vector<std::string>& faults) {
     std::vector<std::string> texts;
     for (const Column& column : columns) texts.push_back(column.name);
@@ -116,6 +117,12 @@ void find_channels(std::vector<Column>& columns, std::vector<std::string>& fault
             lists.push_back(short_list(members));
         }
         faults.push_back(fmt::format("the channels may be {}: choose with --channels", fmt::join(lists, ", or ")));
+    } else if (!has_known) {  // a sensor of one channel has no stem
+        std::vector<Column*> open;
+        for (Column& column : columns)
+            if (column.kind == ColumnKind::unknown) open.push_back(&column);
+        if (open.size() == 1 && open[0]->note.empty() && open[0]->has_name)
+            open[0]->kind = ColumnKind::channel, open[0]->is_used = true;
     }
 }
 

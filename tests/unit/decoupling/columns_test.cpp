@@ -44,6 +44,17 @@ TEST(Labelled, RefusesNumbersThatMayHaveMarksOfThousands) {
         EXPECT_EQ(complaint_of(rows), "") << rows;
 }
 
+// A sensor of one channel; the name alone does not say which of two columns it is.
+TEST(Labelled, TheOnlyColumnLeftIsTheChannel) {
+    const ScratchFile film("t_s,Vp,fz_N\n0.1,1,2\n0.2,2,5\n0.3,4,1\n");
+    EXPECT_EQ(read_labelled(film.path(), {}).channels, std::vector<std::string>{"Vp"});
+    EXPECT_NE(fault_of("t_s,Vp,loss,fz_N\n0.1,1,2,3\n0.2,2,5,7\n0.3,4,1,5\n").find("is it a channel or not: Vp, loss"),
+              std::string::npos);
+    std::string copy = "t_s,Vp,fz_N\n";
+    for (int i = 0; i < 30; ++i) copy += fmt::format("{},{},{}\n", 0.1 * i, i * i % 11, i * i % 11);
+    EXPECT_NE(fault_of(copy).find("a copy of fz_N"), std::string::npos) << fault_of(copy);
+}
+
 // Another quantity of a thermometer, two words of a unit, and letters that are units, too.
 TEST(Labelled, UnitsBelongToTheirQuantity) {
     for (const char* name : {"ntc_kOhm", "temp [deg]", "temp_raw"}) {
