@@ -103,20 +103,25 @@ void check_rows(Options& table, const char* key, const std::vector<std::vector<d
             table.problem(key, fmt::format("{}[{}] has {} numbers; {} are needed", key, i, rows[i].size(), numbers));
 }
 
+// Reads the parts that the monitor has in common with the joint domain of an older file.
+void read_scores(Options& table, const char* scores, Calibration& calibration) {
+    calibration.monitor.mean = table.numbers("mean", kFinite, as_many_as(calibration.channels));
+    calibration.monitor.scores = table.rows(scores);
+    calibration.monitor.limit = table.number("limit", kLimit);
+    calibration.monitor.false_alarms = table.number("false_alarms", {0, 1}, 0);
+}
+
 void read_monitor(Options& file, Calibration& calibration) {
     if (!file.has("monitor")) return;
     Options table = file.table("monitor");
     Monitor& monitor = calibration.monitor;
     const std::size_t n = calibration.channels.size();
-    monitor.mean = table.numbers("mean", kFinite, as_many_as(calibration.channels));
-    monitor.scores = table.rows("scores");
-    monitor.limit = table.number("limit", kLimit);
+    read_scores(table, "scores", calibration);
     monitor.residual = table.rows("residual");
     if (!monitor.residual.empty()) monitor.residual_limit = table.number("residual_limit", kLimit);
     monitor.product_mean = table.numbers("product_mean", kFinite);
     monitor.coefficients = table.rows("coefficients");
     monitor.product_whitening = table.rows("product_whitening");
-    monitor.false_alarms = table.number("false_alarms", {0, 1}, 0);
     const std::size_t m = monitor.scores.size(), r = monitor.residual.size(), products = monitor.product_mean.size();
     if (m < 1 || (n > 0 && m + r > n))
         table.problem("scores", fmt::format("monitor has {} scores and {} residuals of {} channels", m, r, n));
@@ -139,10 +144,7 @@ void read_older_checks(Options& file, Calibration& calibration) {
     Options table = file.table("joint_domain");
     Monitor& monitor = calibration.monitor;
     const std::size_t n = calibration.channels.size();
-    monitor.mean = table.numbers("mean", kFinite, as_many_as(calibration.channels));
-    monitor.scores = table.rows("whitening");
-    monitor.limit = table.number("limit", kLimit);
-    monitor.false_alarms = table.number("false_alarms", {0, 1}, 0);
+    read_scores(table, "whitening", calibration);
     monitor.is_older = true;
     if (table.has("curved")) table.table("curved").accept_other_keys();
     check_number_of_rows(table, "whitening", monitor.scores.size(), n, "channels");

@@ -13,8 +13,8 @@ namespace {
 constexpr std::size_t kEnoughRows = 30;  // fewer do not distinguish offsets
 constexpr std::size_t kCoarseRows = 500, kFineRows = 5000;
 constexpr double kMinExplained = 0.5;  // part of the labels' variance: below, most of the labels are something else
-// What the channels explain at half of the offsets, relative to the best one. Loads that circle are a linear function of the
-// channels at any offset, and each offset turns their axes otherwise.
+// The part that the channels explain at half of the offsets stays below this, relative to the best offset. Loads that circle
+// are a linear function of the channels at any offset, and each offset turns their axes otherwise.
 constexpr double kTypical = 0.5;
 constexpr double kFalseOffsets = 0.01;  // probability that some wrong offset seems better
 
