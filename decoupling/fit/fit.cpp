@@ -192,7 +192,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
             return methods.size() > 1 && some.size() == n_judged ? judge->calibration : refit(some);
         };
         LabelsJudged judged = judge_labels(rows, refit_some, request.keep_outliers);
-        leave_out(*labelled, rows, *judge->method, drift, refit, judged);
+        leave_out(judged, *labelled, rows);
         report_suspects(*labelled, judged, report);
         judge->calibration = judged.calibration;
         judge->about.seconds += since(begun);

