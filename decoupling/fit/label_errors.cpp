@@ -12,52 +12,53 @@ namespace tactiled {
 namespace {
 
 // Models that are compared by their likelihood. Two degrees: a tail so long that the variance is infinite.
-constexpr double kDegrees[] = {2, 4, 8, 30}, kGrowth[] = {0, 2, 8};
-// Before the recording is known: one label of a hundred is wrong. It counts as much as this number of loads.
-constexpr double kShareBefore = 0.01, kCountsAs = 50;
-constexpr int kRounds = 25;
+constexpr double kDegrees[] = {2, 4, 8, 30}, kFollows[] = {0, 0.5, 1};
+// Share of wrong labels, in tables that were typed. Its limits are stated, because a long tail explains wrong labels as
+// well.
+constexpr double kLeastShare = 0.01, kMostShare = 0.05;
+constexpr int kRounds = 25, kRoundsOfShared = 2;
 constexpr double kLeastOwn = 1e-6;  // variance of an error that the other components do not share: keeps it above rounding
-constexpr std::size_t kEnough = 4000;          // loads that determine a mixture
-constexpr std::size_t kInTime = 3;             // loads before and after
-constexpr std::size_t kInChannels = 7;         // nearest loads
-constexpr std::size_t kMaxCandidates = 2'000;  // loads among which they are searched, evenly over the recording
+constexpr std::size_t kEnough = 4000;  // loads that determine a mixture
+// Loads before and after, and nearest loads: those that share an error, and those that show its size.
+constexpr std::size_t kInTime = 3, kInTimeOfSize = 10, kInChannels = 7, kInChannelsOfSize = 15;
+constexpr std::size_t kMaxCandidates = 2'000;  // loads among which the nearest are searched, evenly over the recording
+constexpr double kSmallest = 0.25;             // size of the errors around a load, relative to that of all
+
+constexpr double kPi = 3.14159265358979;
 
 double log_student(double z, double degrees) {
-    constexpr double kPi = 3.14159265358979;
     return std::lgamma((degrees + 1) / 2) - std::lgamma(degrees / 2) - 0.5 * std::log(degrees * kPi) -
            (degrees + 1) / 2 * std::log1p(z * z / degrees);
 }
 
-double scale_at(const ErrorMixture& mixture, double load) {
-    return mixture.sd * std::sqrt(1 + mixture.growth * mixture.growth * load * load);
-}
+double scale_at(const ErrorMixture& mixture, double size) { return mixture.sd * std::pow(size, mixture.follows); }
 
 // Sets the probabilities and returns the logarithm of the likelihood.
-double expect(const std::vector<double>& error, const std::vector<double>& load, double full_scale, ErrorMixture& mixture) {
+// Sets the probabilities and returns the logarithm of the likelihood. `scale`: of each error, for an sd of 1.
+double expect(const std::vector<double>& error, const std::vector<double>& scale, double full_scale, ErrorMixture& mixture) {
     double sum = 0;
     mixture.wrong.resize(error.size());
-    const double normalised = log_student(0, mixture.degrees), of_wrong = log_student(0, 1), half = full_scale / 2;
+    const double half = full_scale / 2, of_wrong = mixture.share / half * std::exp(log_student(0, 1));
+    const double of_right = (1 - mixture.share) * std::exp(log_student(0, mixture.degrees));
     for (std::size_t i = 0; i < error.size(); ++i) {
-        const double scale = scale_at(mixture, load[i]), z = error[i] / scale;
-        const double as_wrong = mixture.share / half * std::exp(of_wrong - std::log1p(std::pow(error[i] / half, 2)));
-        const double as_right = (1 - mixture.share) / scale *
-                                std::exp(normalised - (mixture.degrees + 1) / 2 * std::log1p(z * z / mixture.degrees));
+        const double here = mixture.sd * scale[i], z = error[i] / here, from_half = error[i] / half;
+        const double as_wrong = of_wrong / (1 + from_half * from_half);
+        const double as_right = of_right / here * std::pow(1 + z * z / mixture.degrees, -(mixture.degrees + 1) / 2);
         mixture.wrong[i] = as_wrong / (as_wrong + as_right);
         sum += std::log(as_wrong + as_right);
     }
     return sum;
 }
 
-void maximise(const std::vector<double>& error, const std::vector<double>& load, double least, ErrorMixture& mixture) {
+void maximise(const std::vector<double>& error, const std::vector<double>& scale, double least, ErrorMixture& mixture) {
     double squares = 0, right = 0;
     for (std::size_t i = 0; i < error.size(); ++i) {
-        const double growth2 = 1 + std::pow(mixture.growth * load[i], 2), e2 = error[i] * error[i] / growth2;
-        const double weight = (mixture.degrees + 1) / (mixture.degrees + e2 / (mixture.sd * mixture.sd));
-        squares += (1 - mixture.wrong[i]) * weight * e2;
+        const double z2 = std::pow(error[i] / (mixture.sd * scale[i]), 2);
+        squares += (1 - mixture.wrong[i]) * (mixture.degrees + 1) / (mixture.degrees + z2) * z2;
         right += 1 - mixture.wrong[i];
     }
-    mixture.sd = std::max(least, std::sqrt(squares / std::max(1.0, right)));
-    mixture.share = (double(error.size()) - right + kShareBefore * kCountsAs) / (double(error.size()) + kCountsAs);
+    mixture.sd = std::max(least, mixture.sd * std::sqrt(squares / std::max(1.0, right)));
+    mixture.share = std::clamp(1 - right / double(error.size()), kLeastShare, kMostShare);
 }
 
 std::vector<double> some_of(const std::vector<double>& values, std::size_t every) {
@@ -66,60 +67,76 @@ std::vector<double> some_of(const std::vector<double>& values, std::size_t every
     return some;
 }
 
-// Returns the median error of the neighbours whose labels are not likely to be wrong; 0 without one.
-double shared_error(const std::vector<Load>& loads, const std::vector<std::size_t>& neighbours, std::size_t c,
-                    const std::vector<Wrench>& wrong) {
-    std::vector<double> errors;
+// Returns the median of the first `most` values of the neighbours whose labels are not likely to be wrong, or `otherwise`.
+double median_around(const std::vector<double>& values, const std::vector<std::size_t>& neighbours, std::size_t most,
+                     const std::vector<double>& wrong, double otherwise) {
+    std::vector<double> around;
     for (const std::size_t l : neighbours)
-        if (std::isfinite(loads[l].error[c]) && !(wrong[l][c] > 0.5)) errors.push_back(loads[l].error[c]);
-    return errors.empty() ? 0 : median(std::move(errors));
+        if (around.size() < most && std::isfinite(values[l]) && !(wrong[l] > 0.5)) around.push_back(values[l]);
+    return around.empty() ? otherwise : median(std::move(around));
 }
 
-// The loads of one component, in their order.
-struct OfComponent {
-    std::vector<std::size_t> index;
-    std::vector<double> error, load;
+// One component of all loads: NaN without a label.
+struct OneComponent {
+    std::vector<double> error, own, size, wrong;
 };
 
-OfComponent of_component(const std::vector<Load>& loads, std::size_t c, const Wrench& full_scale) {
-    OfComponent of;
-    for (std::size_t l = 0; l < loads.size(); ++l) {
-        if (!std::isfinite(loads[l].error[c])) continue;
-        double load = 0;
-        for (std::size_t other = 0; other < full_scale.size(); ++other)
-            if (full_scale[other] > 0 && std::isfinite(loads[l].estimate[other]))
-                load = std::max(load, std::abs(loads[l].estimate[other]) / full_scale[other]);
-        of.index.push_back(l);
-        of.error.push_back(loads[l].error[c]);
-        of.load.push_back(std::min(1.0, load));
+// The size of the errors around each load, relative to that of all, where both kinds of neighbours have the greater one.
+void set_sizes(const Neighbours& neighbours, OneComponent& of) {
+    std::vector<double> magnitude, known;
+    for (const double own : of.own) {
+        magnitude.push_back(std::abs(own));
+        if (std::isfinite(own)) known.push_back(std::abs(own));
     }
-    return of;
+    const double all = median(known);
+    for (std::size_t l = 0; all > 0 && l < magnitude.size(); ++l) {
+        const double in_time = median_around(magnitude, neighbours.in_time[l], 2 * kInTimeOfSize, of.wrong, all);
+        const double alike = median_around(magnitude, neighbours.in_channels[l], kInChannelsOfSize, of.wrong, all);
+        of.size[l] = std::max(kSmallest, std::max(in_time, alike) / all);
+    }
+}
+
+struct Known {
+    std::vector<std::size_t> index;
+    std::vector<double> own, size;
+};
+
+Known known_of(const OneComponent& of) {
+    Known known;
+    for (std::size_t l = 0; l < of.own.size(); ++l)
+        if (std::isfinite(of.own[l])) {
+            known.index.push_back(l);
+            known.own.push_back(of.own[l]);
+            known.size.push_back(of.size[l]);
+        }
+    return known;
+}
+
+ErrorMixture mixture_of(OneComponent& of, double full_scale) {
+    const Known known = known_of(of);
+    const ErrorMixture mixture = error_mixture(known.own, known.size, full_scale);
+    for (std::size_t i = 0; i < known.index.size(); ++i) of.wrong[known.index[i]] = mixture.wrong[i];
+    return mixture;
 }
 
 // Subtracts from each error the part that the neighbours share: least squares with the weights of the mixture.
-void take_shared_off(const std::vector<Load>& loads, const Neighbours& neighbours, std::size_t c, double full_scale,
-                     OfComponent& of, std::vector<Wrench>& wrong) {
-    const auto n = Eigen::Index(of.index.size());
-    for (int round = 0; round < 2; ++round) {
-        const ErrorMixture mixture = error_mixture(of.error, of.load, full_scale);
-        for (std::size_t i = 0; i < of.index.size(); ++i) wrong[of.index[i]][c] = mixture.wrong[i];
-        Eigen::MatrixXd shared(n, 2), weighted(n, 2);
-        Eigen::VectorXd error(n);
-        for (Eigen::Index i = 0; i < n; ++i) {
-            const std::size_t l = of.index[std::size_t(i)];
-            shared.row(i) << shared_error(loads, neighbours.in_time[l], c, wrong),
-                shared_error(loads, neighbours.in_channels[l], c, wrong);
-            const double scale = scale_at(mixture, of.load[std::size_t(i)]), z = of.error[std::size_t(i)] / scale;
-            const double weight =
-                std::sqrt((1 - mixture.wrong[std::size_t(i)]) * (mixture.degrees + 1) / (mixture.degrees + z * z)) / scale;
-            weighted.row(i) = weight * shared.row(i);
-            error[i] = weight * loads[l].error[c];
-        }
-        const Eigen::VectorXd part = dense::least_norm_of_one(weighted, error).cwiseMax(0).cwiseMin(1);
-        const Eigen::VectorXd explained = shared * part;
-        for (Eigen::Index i = 0; i < n; ++i)
-            of.error[std::size_t(i)] = loads[of.index[std::size_t(i)]].error[c] - explained[i];
+void take_shared_off(const Neighbours& neighbours, const ErrorMixture& mixture, OneComponent& of) {
+    const Known known = known_of(of);
+    const auto n = Eigen::Index(known.index.size());
+    Eigen::MatrixXd shared(n, 2), weighted(n, 2);
+    Eigen::VectorXd error(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+        const std::size_t l = known.index[std::size_t(i)];
+        shared.row(i) << median_around(of.error, neighbours.in_time[l], 2 * kInTime, of.wrong, 0),
+            median_around(of.error, neighbours.in_channels[l], kInChannels, of.wrong, 0);
+        const double scale = scale_at(mixture, of.size[l]), z = of.own[l] / scale;
+        const double weight = std::sqrt((1 - of.wrong[l]) * (mixture.degrees + 1) / (mixture.degrees + z * z)) / scale;
+        weighted.row(i) = weight * shared.row(i);
+        error[i] = weight * of.error[l];
     }
+    const Eigen::VectorXd explained = shared * dense::least_norm_of_one(weighted, error).cwiseMax(0).cwiseMin(1);
+    for (Eigen::Index i = 0; i < n; ++i)
+        of.own[known.index[std::size_t(i)]] = of.error[known.index[std::size_t(i)]] - explained[i];
 }
 
 // The errors of one component in their scale; NaN without a label.
@@ -153,7 +170,7 @@ void judge_together(const std::vector<Standardised>& all, std::vector<Wrench>& w
     for (Eigen::Index k = 0; k < m; ++k) {
         const auto& [component, unused, full_scale] = all[std::size_t(k)];
         const ErrorMixture mixture =
-            error_mixture({own.col(k).begin(), own.col(k).end()}, std::vector<double>(whole.size()), full_scale);
+            error_mixture({own.col(k).begin(), own.col(k).end()}, std::vector<double>(whole.size(), 1.0), full_scale);
         for (std::size_t i = 0; i < whole.size(); ++i) {
             double& here = wrong[whole[i]][component];
             here = std::max(here, mixture.wrong[i]);
@@ -209,29 +226,31 @@ void estimate_loads(const Calibration& calibration, std::vector<Load>& loads) {
     }
 }
 
-ErrorMixture error_mixture(const std::vector<double>& error, const std::vector<double>& load, double full_scale) {
+ErrorMixture error_mixture(const std::vector<double>& error, const std::vector<double>& size, double full_scale) {
     const std::size_t every = 1 + error.size() / kEnough;
-    const std::vector<double> some = some_of(error, every), some_loads = some_of(load, every);
-    std::vector<double> sizes;
-    for (const double each : some) sizes.push_back(std::abs(each));
-    const double least = 1e-9 * full_scale, typical = std::max(least, kRobustSd * median(std::move(sizes)));
+    const std::vector<double> some = some_of(error, every), some_sizes = some_of(size, every);
+    std::vector<double> magnitudes;
+    for (const double each : some) magnitudes.push_back(std::abs(each));
+    const double least = 1e-9 * full_scale, typical = std::max(least, kRobustSd * median(std::move(magnitudes)));
     ErrorMixture best;
     double most = -std::numeric_limits<double>::infinity();
-    for (const double degrees : kDegrees)
-        for (const double growth : kGrowth) {
-            ErrorMixture mixture{.sd = typical / std::sqrt(1 + growth * growth / 4),
-                                 .growth = growth,
-                                 .degrees = degrees,
-                                 .share = kShareBefore,
-                                 .wrong = {}};
+    for (const double follows : kFollows) {
+        const auto scales = [&](std::vector<double> sizes) {
+            for (double& each : sizes) each = std::pow(each, follows);
+            return sizes;
+        };
+        const std::vector<double> scale = scales(some_sizes);
+        for (const double degrees : kDegrees) {
+            ErrorMixture mixture{.sd = typical, .follows = follows, .degrees = degrees, .share = kLeastShare, .wrong = {}};
             double likelihood = 0;
             for (int round = 0; round < kRounds; ++round) {
-                likelihood = expect(some, some_loads, full_scale, mixture);
-                maximise(some, some_loads, least, mixture);
+                likelihood = expect(some, scale, full_scale, mixture);
+                maximise(some, scale, least, mixture);
             }
             if (likelihood > most) most = likelihood, best = mixture;
         }
-    expect(error, load, full_scale, best);
+        if (follows == best.follows) expect(error, scales(size), full_scale, best);
+    }
     return best;
 }
 
@@ -248,13 +267,15 @@ Neighbours neighbours_of(const std::vector<Load>& loads) {
     for (Eigen::Index l = 0; l < n; ++l) {
         const auto here = std::size_t(l);
         auto& in_time = neighbours.in_time.emplace_back();
-        for (std::size_t j = here < kInTime ? 0 : here - kInTime; j < std::min(loads.size(), here + kInTime + 1); ++j)
-            if (j != here && loads[j].rows.front()->session == loads[here].rows.front()->session) in_time.push_back(j);
+        for (std::size_t away = 1; away <= kInTimeOfSize; ++away)
+            for (const std::size_t j : {here - away, here + away})  // before the first one: beyond the last one
+                if (j < loads.size() && loads[j].rows.front()->session == loads[here].rows.front()->session)
+                    in_time.push_back(j);
         const Eigen::VectorXd d2 =
             squares - 2 * at * Eigen::Map<const Eigen::VectorXd>(loads[here].channel.data(), channels);
         std::vector<Eigen::Index> order(candidates.size());
         std::iota(order.begin(), order.end(), Eigen::Index{0});
-        const auto end = order.begin() + std::ptrdiff_t(std::min(kInChannels + 1, order.size()));
+        const auto end = order.begin() + std::ptrdiff_t(std::min(kInChannelsOfSize + 1, order.size()));
         std::partial_sort(order.begin(), end, order.end(), [&](Eigen::Index a, Eigen::Index b) { return d2[a] < d2[b]; });
         auto& in_channels = neighbours.in_channels.emplace_back();
         for (auto each = order.begin(); each != end; ++each)
@@ -264,24 +285,28 @@ Neighbours neighbours_of(const std::vector<Load>& loads) {
 }
 
 LabelErrors label_errors(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale) {
-    LabelErrors result{.wrong = std::vector<Wrench>(loads.size(), kUnseen), .own = {}};
-    result.own = result.wrong;
+    LabelErrors result{.wrong = std::vector<Wrench>(loads.size(), kUnseen)};
     std::vector<Standardised> all;
     for (std::size_t c = 0; c < full_scale.size(); ++c) {
         if (!(full_scale[c] > 0)) continue;
-        OfComponent of = of_component(loads, c, full_scale);
-        take_shared_off(loads, neighbours, c, full_scale[c], of, result.wrong);
-        const ErrorMixture mixture = error_mixture(of.error, of.load, full_scale[c]);
-        Standardised& one = all.emplace_back();
-        one.component = c;
-        one.z = Eigen::VectorXd::Constant(Eigen::Index(loads.size()), kNaN);
-        for (std::size_t i = 0; i < of.index.size(); ++i) {
-            const std::size_t l = of.index[i];
-            result.wrong[l][c] = mixture.wrong[i];
-            result.own[l][c] = of.error[i];
-            one.z[Eigen::Index(l)] = of.error[i] / scale_at(mixture, of.load[i]);
+        OneComponent of{.error = {},
+                        .own = {},
+                        .size = std::vector<double>(loads.size(), 1.0),
+                        .wrong = std::vector<double>(loads.size())};
+        for (const Load& load : loads) of.error.push_back(load.error[c]);
+        of.own = of.error;
+        ErrorMixture mixture = mixture_of(of, full_scale[c]);
+        for (int round = 0; round < kRoundsOfShared; ++round) {
+            take_shared_off(neighbours, mixture, of);
+            set_sizes(neighbours, of);
+            mixture = mixture_of(of, full_scale[c]);
         }
-        one.full_scale = full_scale[c] / scale_at(mixture, median(of.load));
+        Standardised& one = all.emplace_back(Standardised{
+            .component = c, .z = Eigen::VectorXd(Eigen::Index(loads.size())), .full_scale = full_scale[c] / mixture.sd});
+        for (std::size_t l = 0; l < loads.size(); ++l) {
+            one.z[Eigen::Index(l)] = of.own[l] / scale_at(mixture, of.size[l]);
+            if (std::isfinite(of.own[l])) result.wrong[l][c] = of.wrong[l];
+        }
     }
     if (all.size() > 1) judge_together(all, result.wrong);
     return result;

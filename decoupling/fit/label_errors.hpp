@@ -30,7 +30,6 @@ Neighbours neighbours_of(const std::vector<Load>& loads);
 // The probability of each label to be wrong. [load][component of a wrench]; NaN without a label.
 struct LabelErrors {
     std::vector<Wrench> wrong;
-    std::vector<Wrench> own;  // error minus the part that the neighbours share
 };
 
 // `full_scale`: of the labels of each component, 0 for those without. setup
@@ -39,16 +38,16 @@ LabelErrors label_errors(const std::vector<Load>& loads, const Neighbours& neigh
 // ---- The mixture of one component, for tests ----
 
 struct ErrorMixture {
-    double sd = 0;              // scale of Student's distribution without a load
-    double growth = 0;          // the scale at full scale is sd * sqrt(1 + growth^2)
+    double sd = 0;              // scale of Student's distribution for a size of 1
+    double follows = 0;         // the scale of an error is sd * size^follows
     double degrees = 0;         // of freedom
     double share = 0;           // of wrong labels
     std::vector<double> wrong;  // probability of each
 };
 
-// `error`: of each load; `load`: relative to full scale, 0 .. 1; `full_scale`: half of the wrong labels are off by
-// by more (Cauchy's distribution: a decimal point or a sign may have been lost).
-// By expectation and maximisation (Lange, Little and Taylor 1989, with a second component).
-ErrorMixture error_mixture(const std::vector<double>& error, const std::vector<double>& load, double full_scale);
+// `error`: of each load; `size`: of the errors around it, relative to that of all; `full_scale`: half of the wrong labels
+// are off by more than half of it (Cauchy's distribution: a decimal point or a sign may have been lost). By expectation and
+// maximisation (Lange, Little and Taylor 1989, with a second component).
+ErrorMixture error_mixture(const std::vector<double>& error, const std::vector<double>& size, double full_scale);
 
 }  // namespace tactiled

@@ -28,7 +28,7 @@ constexpr double kOfFullScale = 0.01, kOfStep = 0.6, kOfRounded = 0.03;
 // Omitted from the first fit, because a load that distorts the fit of all rows would hide among the errors that it causes.
 constexpr double kTrimmed = 0.02;  // share of the loads; at least kMaxLeftOut loads
 // Probabilities that a label is wrong: it is named from the first on, and left out from the second on.
-constexpr double kSuspected = 0.5, kSure = 0.99;
+constexpr double kSuspected = 0.5, kSure = 0.9;
 constexpr double kNearEnd = 0.9;  // share of the greatest label that is right
 
 // Returns the 99 % quantile of the labels' magnitudes, so that a label with a lost decimal point has no influence.
