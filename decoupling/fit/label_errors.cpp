@@ -33,7 +33,6 @@ double log_student(double z, double degrees) {
 
 double scale_at(const ErrorMixture& mixture, double size) { return mixture.sd * std::pow(size, mixture.follows); }
 
-// Sets the probabilities and returns the logarithm of the likelihood.
 // Sets the probabilities and returns the logarithm of the likelihood. `scale`: of each error, for an sd of 1.
 double expect(const std::vector<double>& error, const std::vector<double>& scale, double full_scale, ErrorMixture& mixture) {
     double sum = 0;
@@ -284,8 +283,8 @@ Neighbours neighbours_of(const std::vector<Load>& loads) {
     return neighbours;
 }
 
-LabelErrors label_errors(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale) {
-    LabelErrors result{.wrong = std::vector<Wrench>(loads.size(), kUnseen)};
+std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale) {
+    std::vector<Wrench> wrong(loads.size(), kUnseen);
     std::vector<Standardised> all;
     for (std::size_t c = 0; c < full_scale.size(); ++c) {
         if (!(full_scale[c] > 0)) continue;
@@ -305,11 +304,11 @@ LabelErrors label_errors(const std::vector<Load>& loads, const Neighbours& neigh
             .component = c, .z = Eigen::VectorXd(Eigen::Index(loads.size())), .full_scale = full_scale[c] / mixture.sd});
         for (std::size_t l = 0; l < loads.size(); ++l) {
             one.z[Eigen::Index(l)] = of.own[l] / scale_at(mixture, of.size[l]);
-            if (std::isfinite(of.own[l])) result.wrong[l][c] = of.wrong[l];
+            if (std::isfinite(of.own[l])) wrong[l][c] = of.wrong[l];
         }
     }
-    if (all.size() > 1) judge_together(all, result.wrong);
-    return result;
+    if (all.size() > 1) judge_together(all, wrong);
+    return wrong;
 }
 
 }  // namespace tactiled

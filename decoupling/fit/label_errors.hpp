@@ -27,13 +27,9 @@ struct Neighbours {
 };
 Neighbours neighbours_of(const std::vector<Load>& loads);
 
-// The probability of each label to be wrong. [load][component of a wrench]; NaN without a label.
-struct LabelErrors {
-    std::vector<Wrench> wrong;
-};
-
-// `full_scale`: of the labels of each component, 0 for those without. setup
-LabelErrors label_errors(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale);
+// Returns the probability of each label to be wrong: [load][component of a wrench], NaN without a label. `full_scale`: of the
+// labels of each component, 0 for those without. setup
+std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale);
 
 // ---- The mixture of one component, for tests ----
 

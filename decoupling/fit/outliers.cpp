@@ -92,7 +92,7 @@ struct Judgement {
     bool at_the_end = false;
 };
 
-std::vector<Judgement> judgements(const std::vector<Load>& loads, const LabelErrors& errors,
+std::vector<Judgement> judgements(const std::vector<Load>& loads, const std::vector<Wrench>& wrong,
                                   const std::vector<std::size_t>& components, const Wrench& relevant) {
     std::vector<Judgement> judged;
     for (std::size_t l = 0; l < loads.size(); ++l) {
@@ -101,8 +101,8 @@ std::vector<Judgement> judgements(const std::vector<Load>& loads, const LabelErr
         for (const std::size_t c : components) {
             const double error = std::abs(loads[l].error[c]);
             if (!(error > relevant[c])) continue;
-            here.wrong = std::max(here.wrong, errors.wrong[l][c]);
-            if (const double own = errors.wrong[l][c] * error / relevant[c]; own > size) size = own, here.component = c;
+            here.wrong = std::max(here.wrong, wrong[l][c]);
+            if (const double own = wrong[l][c] * error / relevant[c]; own > size) size = own, here.component = c;
         }
     }
     Wrench min, max;
@@ -154,7 +154,7 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
                 estimate_loads(refit(without(rows_of_greatest_errors(loads, components, full_scale))), loads);
             } catch (const Undetermined&) {  // one of them is needed: judge with all
             }
-        found = judgements(loads, label_errors(loads, neighbours, full_scale), components, relevant);
+        found = judgements(loads, wrong_labels(loads, neighbours, full_scale), components, relevant);
         suspected.clear();
         std::size_t n = 0;
         for (std::size_t l = 0; l < loads.size(); ++l)
