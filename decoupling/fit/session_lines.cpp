@@ -18,7 +18,8 @@ constexpr double kGainsDiffer = 0.03, kCountsAs = 10;
 constexpr double kTiny = 1e-9;   // relative to the variance of a channel: keeps covariances definite
 constexpr double kLevel = 1e-3;  // probability of a contradiction in a recording without one
 constexpr double kBeyond = 3;    // a load relative to the sd of those of other sessions: their line may be wrong for it
-constexpr std::size_t kCandidates = 12;  // sessions whose own line may be the first consensus, evenly over all
+// Number of sessions whose own line may be the first consensus, and of those whose common line is enough, evenly over all.
+constexpr std::size_t kCandidates = 12, kTogether = 50;
 
 Eigen::VectorXd widths(const SessionMoments& session) { return session.xx.diagonal().cwiseSqrt(); }
 
@@ -128,9 +129,13 @@ bool are_loaded_alike(const Sessions& sessions, const std::vector<std::size_t>& 
 // Returns true if the line of the sessions `by` is wrong for a component of this one.
 bool contradicts(const Sessions& sessions, const std::vector<std::size_t>& by, std::size_t session,
                  std::size_t comparisons) {
+    std::vector<std::size_t> few;
+    for (std::size_t i = 0; i < by.size(); i += 1 + (by.size() - 1) / kTogether)
+        if (by[i] != session) few.push_back(by[i]);
+    if (few.empty() || !are_loaded_alike(sessions, few, session)) return false;
     return std::any_of(sessions.moments.begin(), sessions.moments.end(), [&](const Moments& moments) {
-        const std::vector<std::size_t> others = others_of(moments, by, session);
-        if (!moments[session] || others.empty() || !are_loaded_alike(sessions, others, session)) return false;
+        const std::vector<std::size_t> others = others_of(moments, few, session);
+        if (!moments[session] || others.empty()) return false;
         const Prediction found = predict(moments, others, session, comparisons);
         return found.error > found.limit;
     });
@@ -157,23 +162,22 @@ double error_of_line(const Eigen::VectorXd& line, const SessionMoments& session,
 }
 
 Prediction predict(const Moments& sessions, const std::vector<std::size_t>& by, std::size_t of, std::size_t comparisons) {
-    const SessionMoments& session = *sessions[of];
+    const SessionMoments &session = *sessions[of], known = together(sessions, by);
     const double usual = usual_variance(sessions);
-    const Line others = line_of(together(sessions, by), usual), own = line_of(session, usual);
+    const Line others = line_of(known, usual), own = line_of(session, usual);
     Prediction result{.line = others.slope, .spread = spread_of(sessions, others.slope, session)};
     result.error = error_of_line(others.slope, session, result.spread);
     result.alone = error_of_line(own.slope, session, result.spread);
     // What gains that differ, a sensor that is not straight, and loads that the others do not have may do.
     const double gains = kGainsDiffer * others.slope.cwiseProduct(widths(session)).norm() / result.spread;
+    const double bent = std::max(result.alone, error_of_line(others.slope, known, result.spread));
     const double unknown = std::sqrt(std::max(0.0, others.covariance.cwiseProduct(session.xx).sum())) / result.spread;
-    double squares = kCountsAs * (gains * gains + result.alone * result.alone);
-    for (const std::size_t other : by) {
-        const double error = error_of_line(others.slope, *sessions[other], result.spread);
-        squares += std::min(error * error, gains * gains + result.alone * result.alone);
-    }
-    const double degrees = kCountsAs + double(by.size() - 1);
-    result.limit =
-        student_limit(degrees, comparisons) * std::sqrt(squares / (kCountsAs + double(by.size())) + unknown * unknown);
+    const double before = gains * gains + bent * bent;
+    double squares = kCountsAs * before;
+    for (const std::size_t other : by)
+        squares += std::min(before, std::pow(error_of_line(others.slope, *sessions[other], result.spread), 2));
+    result.limit = student_limit(kCountsAs + double(by.size() - 1), comparisons) *
+                   std::sqrt(squares / (kCountsAs + double(by.size())) + unknown * unknown);
     return result;
 }
 
