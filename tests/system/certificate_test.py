@@ -6,6 +6,7 @@ import random
 import re
 import subprocess
 import tempfile
+import tomllib
 import unittest
 import xml.etree.ElementTree as ET
 
@@ -94,14 +95,16 @@ def faults(element):
 
 
 class Sensor:
-    """Four channels over fx and fz, a little curved, with hysteresis, creep, a zero that is lost, and noise."""
+    """Four channels over fx and fz, a little curved, with hysteresis, creep, a zero that is lost, and noise. `memory`: part of the
+    force by which a larger one before, since the last rest, exceeded it."""
     GAIN = [(900, -400), (-850, -420), (120, -600), (60, 700)]
 
-    def __init__(self, random_):
-        self.random, self.t_s, self.play, self.creep, self.rows = random_, 0.0, 0.0, 0.0, []
+    def __init__(self, random_, gain_sd=0.003, memory=0.0):
+        self.random, self.gain_sd, self.memory = random_, gain_sd, memory
+        self.t_s, self.play, self.creep, self.peak, self.rows = 0.0, 0.0, 0.0, 0.0, []
 
     def mount(self, name):
-        self.name, self.gain, self.lost = name, 1 + self.random.gauss(0, 0.003), 0.0
+        self.name, self.gain, self.lost = name, 1 + self.random.gauss(0, self.gain_sd), 0.0
         self.zero = [20000 + self.random.gauss(0, 20) for _ in self.GAIN]
         self.play = self.creep = 0.0
         self.t_s += 60
@@ -111,7 +114,8 @@ class Sensor:
         width = HYSTERESIS * FULL_N / 2
         self.play = min(max(self.play, fz - width), fz + width)
         self.creep += (CREEP * fz - self.creep) * (1 - math.exp(-dt_s / 100))
-        felt = self.gain * fz + 0.0004 * fz * fz - (fz - self.play) + self.creep + self.lost * FULL_N
+        self.peak = max(self.peak, -fz) if fz else 0.0
+        felt = self.gain * fz + 0.0004 * fz * fz - (fz - self.play) + self.creep + self.lost * FULL_N - self.memory * (self.peak + fz)
         channel = [z + gx * fx + gz * felt + self.random.gauss(0, 2) for z, (gx, gz) in zip(self.zero, self.GAIN)]
         if saturated:
             channel[3] = SATURATED
@@ -128,10 +132,10 @@ class Sensor:
         return creep.get(300, 0) - creep.get(30, 0)
 
 
-def made(path):
+def made(path, **of_sensor):
     """Three mountings: fz up and down, up again and held for 310 s, a rest as long; fx in both directions; both together.
     Returns the creep in N in the long holds."""
-    sensor, creep = Sensor(random.Random(376)), []
+    sensor, creep = Sensor(random.Random(376), **of_sensor), []
     for name in ('1 <"a">', "2 & b", "3"):
         sensor.mount(name)
         sensor.hold()
@@ -146,7 +150,7 @@ def made(path):
         creep.append(sensor.hold(rows=32, dt_s=10))
         for sign in (1, -1):
             for level in (1, 2, 3, 4, 3, 2, 1, 0):
-                sensor.hold(fx=sign * level)
+                sensor.hold(fx=sign * level, rows=32 if level == 2 and name == "3" else 5, dt_s=10 if name == "3" else 1)
         for fx, fz in ((2, -4), (2, -8), (-2, -8), (-2, -4), (0, 0)):
             sensor.hold(fx, fz)
     header = ["t_s", "R1", "R2", "R3", "R4", "fx_N", "fz_N", "temperature_C", "session"]
@@ -192,6 +196,19 @@ class Certificates(unittest.TestCase):
             self.assertGreaterEqual(counts[f"fz.{name}"], least, name)
         self.assertEqual(counts["fx.creep"], 0)
         self.assertIn("held for 300 s", certificate_check.Certificate(self.folder / "skin.xml").result("fx.creep")[2])
+
+    def test_the_uncertainty_has_each_part_of_the_sd(self):
+        made(self.folder / "rows.csv", gain_sd=0.03, memory=0.2)
+        self.assertEqual(self.certify(self.folder / "rows.csv", *REFERENCE)[0], [])
+        calibration = tomllib.loads((self.folder / "skin.toml").read_text())
+        for key in ("sd", "sd_slope", "sd_unloading"):
+            self.assertGreater(max(calibration[key]), 0, key)
+        small = certificate_check.Certificate(self.folder / "skin.xml").result("fz.full_scale")[0]["expanded"][0]
+        self.certify(self.folder / "rows.csv", "--reference", "x", "--reference-uncertainty", "30%")
+        large = certificate_check.Certificate(self.folder / "skin.xml").result("fz.full_scale")[0]["expanded"][0]
+        of_reference = 0.3 * calibration["full_scale"][1]
+        self.assertGreater(large, of_reference)
+        self.assertAlmostEqual(large, math.hypot(small, of_reference), delta=0.01 * large)
 
     def test_the_figures_are_those_of_the_sensor(self):
         _, figures = self.certify(self.made(), *REFERENCE)
