@@ -265,9 +265,10 @@ class Certificates(unittest.TestCase):
             self.assertTrue(certificate_check.Certificate(self.folder / "skin.xml").result(name)[2].startswith("absent: "), name)
 
     def test_texts_and_statements(self):
-        stated = {"number": "K 12", "laboratory": 'A & B "C" <d>', "person": "Ü", "customer": "E", "country": "DE", "performed": "2026-11-20"}
+        stated = {"number": "K 12", "laboratory": 'A & B "C" <d>', "person": "Ü", "customer": "E\uffff\x01F", "country": "DE", "performed": "2026-11-20"}
         self.certify(self.made(), *REFERENCE, "--serial", "<7>", *(w for k, v in stated.items() for w in ("--stated", f"{k}={v}")))
         texts = [element.text for element in ET.parse(self.folder / "skin.xml").iter() if element.text]
+        stated["customer"] = "E" + "\ufffd" * 4 + "F"  # each byte that XML cannot have
         for text in (*stated.values(), "<7>", REFERENCE[1], '1 <"a">, 2 & b, 3'):
             self.assertIn(text, texts)
         self.assertTrue(any("not an accredited calibration certificate" in text for text in texts))

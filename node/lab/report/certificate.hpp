@@ -20,7 +20,8 @@ std::string html_certificate(const CertificateFigures& figures);
 
 // Returns the certificate as XML in the shape of PTB's Digital Calibration Certificate 3.3.0, with quantities of D-SI 2.2.1.
 // Each number has all its digits; the same input gives the same bytes. `calibration` has an expanded uncertainty for each
-// component, and `number` of the text is not empty. setup
-std::string certificate_xml(const CertificateFigures& figures, const Calibration& calibration, const CertificateText& text);
+// component, and the number is stated. setup
+std::string certificate_xml(const CertificateFigures& figures, const Calibration& calibration,
+                            const CertificateText& stated);
 
 }  // namespace tactiled

@@ -11,55 +11,102 @@
 namespace tactiled {
 namespace {
 
-constexpr const char *kPercent = "\\percent", *kOne = "\\one", *kCelsius = "\\degreecelsius";
 constexpr const char* kNotStated = "not stated";
 
-constexpr const char* kStatements[][2] = {
-    {"accreditation",
-     "This certificate was made by software from a recording. It was not issued by an accredited laboratory, and it is not "
-     "an "
-     "accredited calibration certificate."},
-    {"procedure",
-     "The figures have the definitions of ISO 376:2011 where the recording has the loads for them. This is no statement "
-     "that "
-     "the procedure of the standard was followed, and no classification. A figure that the recording does not support is "
-     "absent, with the reason."},
-    {"validity",
-     "The figures and uncertainties are those of published forces that are GOOD, at the loads of the calibration, just "
-     "after "
-     "a tare. The expanded uncertainty consists of the standard uncertainty that the calibration states from rows that were "
-     "held out, and of the uncertainty of the reference; drift of the zero after the tare adds to it."},
-};
+// Names in braces are texts that are escaped already.
+constexpr const char* kAdministrative = R"(<?xml version="1.0" encoding="UTF-8"?>
+<dcc:digitalCalibrationCertificate xmlns:dcc="https://ptb.de/dcc" xmlns:si="https://ptb.de/si"
+    xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"
+    xsi:schemaLocation="https://ptb.de/dcc https://ptb.de/dcc/v3.3.0/dcc.xsd" schemaVersion="3.3.0">
+<dcc:administrativeData>
+  <dcc:dccSoftware>
+    <dcc:software>
+      <dcc:name><dcc:content lang="en">tactiled</dcc:content></dcc:name>
+      <dcc:release>{version}</dcc:release>
+    </dcc:software>
+  </dcc:dccSoftware>
+  <dcc:coreData>
+    <dcc:countryCodeISO3166_1>{country}</dcc:countryCodeISO3166_1>
+    <dcc:usedLangCodeISO639_1>en</dcc:usedLangCodeISO639_1>
+    <dcc:mandatoryLangCodeISO639_1>en</dcc:mandatoryLangCodeISO639_1>
+    <dcc:uniqueIdentifier>{number}</dcc:uniqueIdentifier>
+    <dcc:beginPerformanceDate>{performed}</dcc:beginPerformanceDate>
+    <dcc:endPerformanceDate>{performed}</dcc:endPerformanceDate>
+    <dcc:performanceLocation>other</dcc:performanceLocation>
+    <dcc:issueDate>{issued}</dcc:issueDate>
+  </dcc:coreData>
+  <dcc:items>
+    <dcc:item>
+      <dcc:name><dcc:content lang="en">tactile force sensor</dcc:content></dcc:name>
+      <dcc:description><dcc:content lang="en">{item}</dcc:content></dcc:description>
+      <dcc:identifications>
+        <dcc:identification>
+          <dcc:issuer>other</dcc:issuer>
+          <dcc:value>{serial}</dcc:value>
+          <dcc:name><dcc:content lang="en">serial number</dcc:content></dcc:name>
+        </dcc:identification>
+      </dcc:identifications>
+    </dcc:item>
+  </dcc:items>
+  <dcc:calibrationLaboratory>
+    <dcc:contact>
+      <dcc:name><dcc:content lang="en">{laboratory}</dcc:content></dcc:name>
+      <dcc:location><dcc:countryCode>{country}</dcc:countryCode></dcc:location>
+    </dcc:contact>
+  </dcc:calibrationLaboratory>
+  <dcc:respPersons>
+    <dcc:respPerson>
+      <dcc:person><dcc:name><dcc:content lang="en">{person}</dcc:content></dcc:name></dcc:person>
+    </dcc:respPerson>
+  </dcc:respPersons>
+  <dcc:customer>
+    <dcc:name><dcc:content lang="en">{customer}</dcc:content></dcc:name>
+    <dcc:location><dcc:further><dcc:content lang="en">not stated</dcc:content></dcc:further></dcc:location>
+  </dcc:customer>
+  <dcc:statements>
+{statements}  </dcc:statements>
+</dcc:administrativeData>
+)";
 
-// Writes elements with indentation. Texts are escaped.
-class Xml {
-public:
-    template <typename Body>
-    void in(std::string_view name, const Body& body, const std::string& attributes = "") {
-        line(fmt::format("<{}{}>", name, attributes));
-        ++depth_;
-        body();
-        --depth_;
-        line(fmt::format("</{}>", name));
-    }
-    void leaf(std::string_view name, std::string_view text, const std::string& attributes = "") {
-        line(fmt::format("<{0}{2}>{1}</{0}>", name, html_text(text), attributes));
-    }
-    // A text in English, as textType and richContentType have it.
-    void text(std::string_view name, std::string_view text) {
-        in(name, [&] { leaf("dcc:content", text, " lang=\"en\""); });
-    }
-    [[nodiscard]] const std::string& str() const { return text_; }
+constexpr const char* kResults = R"(<dcc:measurementResults>
+  <dcc:usedMethods>
+    <dcc:usedMethod>
+      <dcc:name><dcc:content lang="en">comparison with a reference under held loads</dcc:content></dcc:name>
+      <dcc:reference>definitions of ISO 376:2011</dcc:reference>
+    </dcc:usedMethod>
+  </dcc:usedMethods>
+  <dcc:measuringEquipments>
+    <dcc:measuringEquipment>
+      {reference}
+      <dcc:measuringEquipmentQuantities>
+{uncertainties}      </dcc:measuringEquipmentQuantities>
+    </dcc:measuringEquipment>
+  </dcc:measuringEquipments>
+  <dcc:influenceConditions>
+{conditions}  </dcc:influenceConditions>
+  <dcc:measurementMetaData>
+{recording}  </dcc:measurementMetaData>
+{results}</dcc:measurementResults>
+</dcc:digitalCalibrationCertificate>
+)";
 
-private:
-    void line(const std::string& text) { text_ += std::string(2 * depth_, ' ') + text + "\n"; }
+constexpr const char* kAccreditation =
+    "This certificate was made by software from a recording. It was not issued by an accredited laboratory, and it is not "
+    "an "
+    "accredited calibration certificate.";
+constexpr const char* kProcedure =
+    "The figures have the definitions of ISO 376:2011 where the recording has the loads for them. This is no statement that "
+    "the procedure of the standard was followed, and no classification. A figure that the recording does not support is "
+    "absent, with the reason.";
+constexpr const char* kValidity =
+    "The figures and uncertainties are those of published forces that are GOOD, at the loads of the calibration, just after "
+    "a "
+    "tare. The expanded uncertainty consists of the standard uncertainty that the calibration states from rows that were "
+    "held "
+    "out, and of the uncertainty of the reference; drift of the zero after the tare adds to it.";
 
-    std::string text_ = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
-    std::size_t depth_ = 0;
-};
-
-// Returns the text in the form of notEmptyStringType: words with one blank between them.
-std::string words(std::string_view text, std::string_view otherwise) {
+// Returns an escaped text in the form of notEmptyStringType: words with one blank between them.
+std::string words(std::string_view text) {
     std::string result;
     bool is_between = false;
     for (const char c : text) {
@@ -68,271 +115,145 @@ std::string words(std::string_view text, std::string_view otherwise) {
         if (!is_blank) result += c;
         is_between = is_blank;
     }
-    return result.empty() ? std::string(otherwise) : result;
+    return html_text(result.empty() ? kNotStated : result);
 }
 
-std::string or_not_stated(const std::string& text) { return words(text, kNotStated); }
+// Returns an element with a text in English, as textType and richContentType have it.
+std::string text(const char* element, std::string_view plain) {
+    return fmt::format("<{0}><dcc:content lang=\"en\">{1}</dcc:content></{0}>", element, html_text(plain));
+}
+std::string name(std::string_view plain) { return text("dcc:name", plain); }
+
+std::string quantity(std::string_view plain, const std::string& value, const char* element = "dcc:quantity") {
+    return fmt::format("<{0}>\n{1}\n{2}\n</{0}>\n", element, name(plain), value);
+}
+std::string absent(std::string_view reason) { return text("dcc:noQuantity", fmt::format("absent: {}", reason)); }
 
 const char* unit_of(const AxisFigures& axis) { return axis.name[0] == 'f' ? "\\newton" : "\\newton\\metre"; }
 
-void real(Xml& xml, double value, const char* unit, double expanded = kNaN) {
-    xml.in("si:real", [&] {
-        xml.leaf("si:value", fmt::format("{}", value));
-        xml.leaf("si:unit", unit);
-        if (!std::isfinite(expanded)) return;
-        xml.in("si:measurementUncertaintyUnivariate", [&] {
-            xml.in("si:expandedMU", [&] {
-                xml.leaf("si:valueExpandedMU", fmt::format("{}", expanded));
-                xml.leaf("si:coverageFactor", fmt::format("{}", kCoverage));
-                xml.leaf("si:coverageProbability", "0.95");
-                xml.leaf("si:distribution", "normal");
-            });
-        });
-    });
+// Returns si:real, or with `list` = "XMLList" si:realListXMLList. `values` and `expanded` are numbers; expanded = "": none.
+std::string numbers(std::string_view values, const char* unit, std::string_view expanded, const char* list) {
+    const std::string uncertainty = expanded.empty() ? ""
+                                                     : fmt::format(
+                                                           "<si:measurementUncertaintyUnivariate{0}><si:expandedMU{0}>\n"
+                                                           "<si:valueExpandedMU{0}>{1}</si:valueExpandedMU{0}>\n"
+                                                           "<si:coverageFactor{0}>{2}</si:coverageFactor{0}>\n"
+                                                           "<si:coverageProbability{0}>0.95</si:coverageProbability{0}>\n"
+                                                           "<si:distribution{0}>normal</si:distribution{0}>\n"
+                                                           "</si:expandedMU{0}></si:measurementUncertaintyUnivariate{0}>\n",
+                                                           list, expanded, kCoverage);
+    return fmt::format("<si:real{4}{0}>\n<si:value{0}>{1}</si:value{0}>\n<si:unit{0}>{2}</si:unit{0}>\n{3}</si:real{4}{0}>",
+                       list, values, unit, uncertainty, *list == '\0' ? "" : "List");
+}
+std::string real(double value, const char* unit, double expanded = kNaN) {
+    return numbers(fmt::format("{}", value), unit, std::isfinite(expanded) ? fmt::format("{}", expanded) : "", "");
+}
+std::string real_list(const std::vector<double>& values, const char* unit, const std::vector<double>& expanded = {}) {
+    return numbers(fmt::format("{}", fmt::join(values, " ")), unit, fmt::format("{}", fmt::join(expanded, " ")), "XMLList");
 }
 
-void list(Xml& xml, const std::vector<double>& values, const char* unit, const std::vector<double>& expanded = {}) {
-    xml.in("si:realListXMLList", [&] {
-        xml.leaf("si:valueXMLList", fmt::format("{}", fmt::join(values, " ")));
-        xml.leaf("si:unitXMLList", unit);
-        if (expanded.empty()) return;
-        xml.in("si:measurementUncertaintyUnivariateXMLList", [&] {
-            xml.in("si:expandedMUXMLList", [&] {
-                xml.leaf("si:valueExpandedMUXMLList", fmt::format("{}", fmt::join(expanded, " ")));
-                xml.leaf("si:coverageFactorXMLList", fmt::format("{}", kCoverage));
-                xml.leaf("si:coverageProbabilityXMLList", "0.95");
-                xml.leaf("si:distributionXMLList", "normal");
-            });
-        });
-    });
-}
-
-template <typename Value>
-void quantity(Xml& xml, std::string_view name, const Value& value, const char* element = "dcc:quantity") {
-    xml.in(element, [&] {
-        xml.text("dcc:name", name);
-        value();
-    });
-}
-
-// ---- The parts in the order of the schema
-
-void software(Xml& xml) {
-    xml.in("dcc:dccSoftware", [&] {
-        xml.in("dcc:software", [&] {
-            xml.text("dcc:name", "tactiled");
-            xml.leaf("dcc:release", TACTILED_VERSION);
-        });
-    });
-}
-
-void core_data(Xml& xml, const Calibration& calibration, const CertificateText& text) {
-    const std::string performed = text.performed.empty() ? calibration.date : text.performed;
-    xml.in("dcc:coreData", [&] {
-        xml.leaf("dcc:countryCodeISO3166_1", text.country.empty() ? "ZZ" : text.country);
-        xml.leaf("dcc:usedLangCodeISO639_1", "en");
-        xml.leaf("dcc:mandatoryLangCodeISO639_1", "en");
-        xml.leaf("dcc:uniqueIdentifier", or_not_stated(text.number));
-        xml.leaf("dcc:beginPerformanceDate", performed);
-        xml.leaf("dcc:endPerformanceDate", performed);
-        xml.leaf("dcc:performanceLocation", "other");
-        xml.leaf("dcc:issueDate", calibration.date);
-    });
-}
-
-void items(Xml& xml, const Calibration& calibration) {
-    xml.in("dcc:items", [&] {
-        xml.in("dcc:item", [&] {
-            xml.text("dcc:name", "tactile force sensor");
-            xml.text("dcc:description",
-                     fmt::format("model {}, method {}, contact model {}; channels ({}): {}", calibration.model,
-                                 calibration.method, or_not_stated(calibration.contact_model),
-                                 or_not_stated(calibration.channel_unit), fmt::join(calibration.channels, ", ")));
-            xml.in("dcc:identifications", [&] {
-                xml.in("dcc:identification", [&] {
-                    xml.leaf("dcc:issuer", "other");
-                    xml.leaf("dcc:value", or_not_stated(calibration.serial));
-                    xml.text("dcc:name", "serial number");
-                });
-            });
-        });
-    });
-}
-
-void contact(Xml& xml, const char* element, const std::string& name, const std::string& country) {
-    xml.in(element, [&] {
-        xml.text("dcc:name", or_not_stated(name));
-        xml.in("dcc:location", [&] {
-            if (country.empty())
-                xml.text("dcc:further", kNotStated);
-            else
-                xml.leaf("dcc:countryCode", country);
-        });
-    });
-}
-
-void statements(Xml& xml, const CertificateFigures& figures, const CertificateText& text) {
-    const auto statement = [&](std::string_view name, std::string_view declaration) {
-        xml.in("dcc:statement", [&] {
-            xml.text("dcc:name", name);
-            xml.text("dcc:declaration", declaration);
-        });
+std::string statements(const CertificateFigures& figures, const CertificateText& stated) {
+    std::string result;
+    const auto add = [&](const char* about, const char* declaration) {
+        result +=
+            fmt::format("<dcc:statement>\n{}\n{}\n</dcc:statement>\n", name(about), text("dcc:declaration", declaration));
     };
-    xml.in("dcc:statements", [&] {
-        for (const auto& [name, declaration] : kStatements) statement(name, declaration);
-        if (figures.sessions.size() < 2)
-            statement("mounting",
-                      "The recording has one session, so that the uncertainty does not include another mounting.");
-        if (text.country.empty()) statement("country", "The country of the laboratory was not stated; ZZ is no country.");
-        if (text.performed.empty())
-            statement("dates", "The date of the measurement was not stated; the dates are those of the evaluation.");
-    });
+    add("accreditation", kAccreditation);
+    add("procedure", kProcedure);
+    add("validity", kValidity);
+    if (figures.sessions.size() < 2)
+        add("mounting", "The recording has one session, so that the uncertainty does not include another mounting.");
+    if (stated.country.empty()) add("country", "The country of the laboratory was not stated; ZZ is no country.");
+    if (stated.performed.empty())
+        add("dates", "The date of the measurement was not stated; the dates are those of the evaluation.");
+    return result;
 }
 
-void reference(Xml& xml, const Reference& reference) {
-    const auto part = [&](const char* name, double value, const char* unit) {
-        if (value > 0)
-            quantity(
-                xml, name, [&] { real(xml, value, unit); }, "dcc:measuringEquipmentQuantity");
+std::string uncertainties(const Reference& reference) {
+    std::string result;
+    const auto add = [&](const char* about, double value, const char* unit) {
+        if (value > 0) result += quantity(about, real(value, unit), "dcc:measuringEquipmentQuantity");
     };
-    xml.in("dcc:measuringEquipments", [&] {
-        xml.in("dcc:measuringEquipment", [&] {
-            xml.text("dcc:name", reference.name);
-            xml.in("dcc:measuringEquipmentQuantities", [&] {
-                part("expanded uncertainty (k = 2) of forces and moments, relative to the load", 100 * reference.relative,
-                     kPercent);
-                part("expanded uncertainty (k = 2) of forces", reference.force_N, "\\newton");
-                part("expanded uncertainty (k = 2) of moments", reference.moment_Nm, "\\newton\\metre");
-            });
-        });
-    });
+    add("expanded uncertainty (k = 2) relative to the load", 100 * reference.relative, "\\percent");
+    add("expanded uncertainty (k = 2) of forces", reference.force_N, "\\newton");
+    add("expanded uncertainty (k = 2) of moments", reference.moment_Nm, "\\newton\\metre");
+    return result;
 }
 
-void conditions(Xml& xml, const CertificateFigures& figures) {
-    const auto condition = [&](const char* name, double value) {
-        xml.in("dcc:influenceCondition", [&] {
-            xml.text("dcc:name", name);
-            xml.in("dcc:data", [&] {
-                quantity(xml, name, [&] {
-                    if (std::isfinite(value))
-                        real(xml, value, kCelsius);
-                    else
-                        xml.text("dcc:noQuantity", "absent: no row with a label has a temperature");
-                });
-            });
-        });
+std::string condition(const char* about, double value_C) {
+    const std::string value =
+        std::isfinite(value_C) ? real(value_C, "\\degreecelsius") : absent("no row with a label has a temperature");
+    return fmt::format("<dcc:influenceCondition>\n{}\n<dcc:data>\n{}</dcc:data>\n</dcc:influenceCondition>\n", name(about),
+                       quantity(about, value));
+}
+
+std::string recording(const CertificateFigures& figures) {
+    std::string result;
+    const auto add = [&](const char* about, const std::string& data) {
+        result += fmt::format("<dcc:metaData>\n{}\n<dcc:data>\n{}\n</dcc:data>\n</dcc:metaData>\n", name(about), data);
     };
-    xml.in("dcc:influenceConditions", [&] {
-        condition("lowest temperature", figures.lowest_C);
-        condition("highest temperature", figures.highest_C);
-    });
+    const auto add_rows = [&](const char* about, std::size_t n) { add(about, quantity(about, real(double(n), "\\one"))); };
+    add("recording", text("dcc:text", figures.recording));
+    add("sessions, each a mounting",
+        text("dcc:text", figures.sessions.empty() ? "one" : fmt::format("{}", fmt::join(figures.sessions, ", "))));
+    add_rows("rows with a label", figures.labelled);
+    add_rows("rows with a label whose published force is GOOD", figures.good);
+    return result;
 }
 
-void recording(Xml& xml, const CertificateFigures& figures) {
-    const auto data = [&](std::string_view name, const auto& value) {
-        xml.in("dcc:metaData", [&] {
-            xml.text("dcc:name", name);
-            xml.in("dcc:data", value);
-        });
-    };
-    const auto rows = [&](std::string_view name, std::size_t n) {
-        data(name, [&] { quantity(xml, name, [&] { real(xml, double(n), kOne); }); });
-    };
-    xml.in("dcc:measurementMetaData", [&] {
-        data("recording", [&] { xml.text("dcc:text", figures.recording); });
-        data("sessions, each a mounting", [&] {
-            xml.text("dcc:text", figures.sessions.empty() ? "one" : fmt::format("{}", fmt::join(figures.sessions, ", ")));
-        });
-        rows("rows with a label", figures.labelled);
-        rows("rows with a label whose published force is GOOD", figures.good);
-    });
+std::string result(const AxisFigures& axis, const char* id, std::string_view plain, const std::string& data) {
+    return fmt::format("<dcc:result id=\"{}.{}\">\n{}\n<dcc:data>\n{}</dcc:data>\n</dcc:result>\n", axis.name, id,
+                       name(plain), data);
 }
 
-void figure(Xml& xml, const AxisFigures& axis, std::size_t kind) {
-    const LoadFigure& of = axis.figures[kind];
-    const std::string name = fmt::format("{}: {}, {}", axis.name, kFigureKinds[kind].name, kFigureKinds[kind].symbol);
-    const auto data = [&] {
-        if (!of.absent.empty()) {
-            quantity(xml, name, [&] { xml.text("dcc:noQuantity", "absent: " + of.absent); });
-            return;
-        }
-        quantity(xml, "applied load", [&] { list(xml, of.load, unit_of(axis)); });
-        if (kind == 0) {  // the only one with a mean published force
-            std::vector<double> published;
-            for (std::size_t i = 0; i < of.load.size(); ++i) published.push_back(of.load[i] * (1 + of.value[i]));
-            quantity(xml, "published force", [&] { list(xml, published, unit_of(axis), axis.expanded_at); });
-        }
-        std::vector<double> percent;
-        for (const double value : of.value) percent.push_back(100 * value);
-        quantity(xml, name, [&] { list(xml, percent, kPercent); });
-    };
-    xml.in(
-        "dcc:result",
-        [&] {
-            xml.text("dcc:name", name);
-            xml.in("dcc:data", data);
-        },
-        fmt::format(" id=\"{}.{}\"", axis.name, kFigureKinds[kind].id));
+std::string figure(const AxisFigures& axis, std::size_t kind) {
+    const auto& [id, symbol, of] = kFigureKinds[kind];
+    const LoadFigure& figure = axis.figures[kind];
+    const std::string about = fmt::format("{}: {}, {}", axis.name, of, symbol);
+    if (!figure.absent.empty()) return result(axis, id, about, quantity(about, absent(figure.absent)));
+    std::vector<double> percent, published;
+    for (std::size_t i = 0; i < figure.value.size(); ++i) {
+        percent.push_back(100 * figure.value[i]);
+        published.push_back(figure.load[i] * (1 + figure.value[i]));
+    }
+    std::string data = quantity("applied load", real_list(figure.load, unit_of(axis)));
+    if (kind == 0)  // interpolation: the only one with a mean published force
+        data += quantity("published force", real_list(published, unit_of(axis), axis.expanded_at));
+    return result(axis, id, about, data + quantity(about, real_list(percent, "\\percent")));
 }
 
-void results(Xml& xml, const AxisFigures& axis, const Calibration& calibration) {
-    const std::string about = "largest load of the calibration, with the uncertainty of a published force there";
-    xml.in("dcc:measurementResult", [&] {
-        xml.text("dcc:name", axis.name);
-        xml.text("dcc:description", "held out for the standard uncertainty: " + calibration.validation);
-        xml.in("dcc:results", [&] {
-            xml.in(
-                "dcc:result",
-                [&] {
-                    xml.text("dcc:name", fmt::format("{}: expanded uncertainty at full scale", axis.name));
-                    xml.in("dcc:data",
-                           [&] { quantity(xml, about, [&] { real(xml, axis.full_scale, unit_of(axis), axis.expanded); }); });
-                },
-                fmt::format(" id=\"{}.full_scale\"", axis.name));
-            for (std::size_t kind = 0; kind < kFigureKinds.size(); ++kind) figure(xml, axis, kind);
-        });
-    });
-}
-
-void measurement_results(Xml& xml, const CertificateFigures& figures, const Calibration& calibration) {
-    xml.in("dcc:measurementResults", [&] {
-        xml.in("dcc:usedMethods", [&] {
-            xml.in("dcc:usedMethod", [&] {
-                xml.text("dcc:name", "comparison with a reference under held loads");
-                xml.leaf("dcc:reference", "definitions of ISO 376:2011");
-            });
-        });
-        reference(xml, figures.reference);
-        conditions(xml, figures);
-        recording(xml, figures);
-        for (const AxisFigures& axis : figures.axes) results(xml, axis, calibration);
-    });
+std::string results(const AxisFigures& axis, const Calibration& calibration) {
+    std::string of_axis = result(axis, "full_scale", axis.name + ": expanded uncertainty at full scale",
+                                 quantity("largest load of the calibration, with the uncertainty of a published force there",
+                                          real(axis.full_scale, unit_of(axis), axis.expanded)));
+    for (std::size_t kind = 0; kind < kFigureKinds.size(); ++kind) of_axis += figure(axis, kind);
+    return fmt::format("<dcc:measurementResult>\n{}\n{}\n<dcc:results>\n{}</dcc:results>\n</dcc:measurementResult>\n",
+                       name(axis.name),
+                       text("dcc:description", "held out for the standard uncertainty: " + calibration.validation), of_axis);
 }
 
 }  // namespace
 
-std::string certificate_xml(const CertificateFigures& figures, const Calibration& calibration, const CertificateText& text) {
-    Xml xml;
-    const auto body = [&] {
-        xml.in("dcc:administrativeData", [&] {
-            software(xml);
-            core_data(xml, calibration, text);
-            items(xml, calibration);
-            xml.in("dcc:calibrationLaboratory", [&] { contact(xml, "dcc:contact", text.laboratory, text.country); });
-            xml.in("dcc:respPersons", [&] {
-                xml.in("dcc:respPerson",
-                       [&] { xml.in("dcc:person", [&] { xml.text("dcc:name", or_not_stated(text.person)); }); });
-            });
-            contact(xml, "dcc:customer", text.customer, "");
-            statements(xml, figures, text);
-        });
-        measurement_results(xml, figures, calibration);
-    };
-    xml.in("dcc:digitalCalibrationCertificate", body,
-           " xmlns:dcc=\"https://ptb.de/dcc\" xmlns:si=\"https://ptb.de/si\" "
-           "xmlns:xsi=\"http://www.w3.org/2001/XMLSchema-instance\" "
-           "xsi:schemaLocation=\"https://ptb.de/dcc https://ptb.de/dcc/v3.3.0/dcc.xsd\" schemaVersion=\"3.3.0\"");
-    return xml.str();
+std::string certificate_xml(const CertificateFigures& figures, const Calibration& calibration,
+                            const CertificateText& stated) {
+    using fmt::arg;
+    std::string of_axes;
+    for (const AxisFigures& axis : figures.axes) of_axes += results(axis, calibration);
+    const std::string item =
+        fmt::format("model {}, method {}, contact model {}; channels ({}): {}", calibration.model, calibration.method,
+                    calibration.contact_model, calibration.channel_unit, fmt::join(calibration.channels, ", "));
+    return fmt::format(kAdministrative, arg("version", TACTILED_VERSION), arg("number", words(stated.number)),
+                       arg("country", stated.country.empty() ? "ZZ" : stated.country),
+                       arg("performed", stated.performed.empty() ? calibration.date : stated.performed),
+                       arg("issued", calibration.date), arg("item", html_text(item)),
+                       arg("serial", words(calibration.serial)), arg("laboratory", words(stated.laboratory)),
+                       arg("person", words(stated.person)), arg("customer", words(stated.customer)),
+                       arg("statements", statements(figures, stated))) +
+           fmt::format(kResults, arg("reference", name(figures.reference.name)),
+                       arg("uncertainties", uncertainties(figures.reference)),
+                       arg("conditions", condition("lowest temperature", figures.lowest_C) +
+                                             condition("highest temperature", figures.highest_C)),
+                       arg("recording", recording(figures)), arg("results", of_axes));
 }
 
 }  // namespace tactiled
