@@ -42,7 +42,7 @@ std::string html_certificate(const CertificateFigures& figures) {
                           html_text(figures.reference.name));
     return fmt::format(
         "<h2>Figures as in ISO 376</h2>\n<p>From {} rows whose published force is GOOD, of {} with a label; loads that were "
-        "held, less the rest before them. This is no accredited certificate.</p>\n{}<p>{}</p>\n{}",
+        "held for three labels or more, less the rest before them. This is no accredited certificate.</p>\n{}<p>{}</p>\n{}",
         html_number(double(figures.good), 9), html_number(double(figures.labelled), 9), html_table(rows, "iso376"),
         reference, html_table(uncertain, "expanded"));
 }

@@ -95,9 +95,10 @@ constexpr const char* kAccreditation =
     "an "
     "accredited calibration certificate.";
 constexpr const char* kProcedure =
-    "The figures have the definitions of ISO 376:2011 where the recording has the loads for them. This is no statement that "
-    "the procedure of the standard was followed, and no classification. A figure that the recording does not support is "
-    "absent, with the reason.";
+    "The figures have the definitions of ISO 376:2011 where the recording has the loads for them. A load is held if three "
+    "labels or more in turn agree within 1 % of full scale; the standard waits for 30 s. This is no statement that the "
+    "procedure of the standard was followed, and no classification. A figure that the recording does not support is absent, "
+    "with the reason.";
 constexpr const char* kValidity =
     "The figures and uncertainties are those of published forces that are GOOD, at the loads of the calibration, just after "
     "a "
