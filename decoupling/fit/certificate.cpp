@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "decoupling/fit/groups.hpp"
-#include "decoupling/fit/labels.hpp"
 #include "decoupling/solve/domain.hpp"
 #include "decoupling/solve/load_scale.hpp"
 #include "decoupling/unloading.hpp"
@@ -14,6 +13,8 @@ namespace tactiled {
 namespace {
 
 constexpr std::size_t kHeldRows = 3;  // a rest of a calibration has as many
+
+bool is_nan(double value) { return std::isnan(value); }
 
 // The published forces of a file, in its order, as `tactilectl decouple` computes them.
 class Published {
@@ -50,7 +51,7 @@ LoadedRows loaded_rows(const Labelled& labelled, const Calibration& calibration,
     Published published(labelled, calibration, request);
     for (const LabelledRow& row : labelled.rows) {
         const Estimate estimate = published.next(row);  // a model may depend on the rows before
-        if (!has_label(row)) continue;
+        if (std::all_of(row.wrench_S.begin(), row.wrench_S.end(), is_nan)) continue;
         const bool is_good = estimate.quality() == TACTILED_GOOD;
         loaded.rows.push_back(&row);
         Wrench& deviation = loaded.deviation.emplace_back(kUnseen);
@@ -69,7 +70,7 @@ bool take_means(const LoadedRows& loaded, Hold& hold) {
     std::size_t good = 0;
     for (std::size_t i = hold.begin; i < hold.end; ++i) {
         const Wrench& deviation = loaded.deviation[i];
-        if (std::all_of(deviation.begin(), deviation.end(), [](double value) { return std::isnan(value); })) continue;
+        if (std::all_of(deviation.begin(), deviation.end(), is_nan)) continue;
         ++good;
         for (std::size_t c = 0; c < 6; ++c) {
             hold.load[c] += loaded.rows[i]->wrench_S[c];
