@@ -15,7 +15,6 @@ namespace {
 constexpr std::size_t kStretches = 5;  // stretches of time, if there are no sessions to leave out
 constexpr std::size_t kMaxPoseGroups = 10, kMaxLoadGroups = 100;
 constexpr std::size_t kRowsPerPose = 5;  // minimum mean number of rows per pose for repeated poses
-constexpr double kSameLoad = 0.01;       // relative to full scale
 // Relative to the largest load; a smaller range in the rest would mean extrapolation. A new session may well exceed
 // the range of the others.
 constexpr double kSpanned = 0.3, kSpannedBySessions = 0.1;

@@ -7,6 +7,8 @@
 
 namespace tactiled {
 
+inline constexpr double kSameLoad = 0.01;  // labels of one load differ by no more than this, relative to full scale
+
 struct Groups {
     std::vector<std::size_t> of_row;
     std::vector<std::string> names;

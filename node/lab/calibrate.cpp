@@ -19,6 +19,7 @@
 #include "decoupling/method.hpp"
 #include "node/ctl/command_line.hpp"
 #include "node/lab/calibrate_array.hpp"
+#include "node/lab/certificate_options.hpp"
 #include "node/lab/report/report.hpp"
 #include "node/lab/warning_page.hpp"
 
@@ -30,6 +31,7 @@ struct Settings {
     Selection selection;
     FitRequest request;
     ArraySettings array;
+    CertificateOptions certificate;
     std::vector<std::string> set;              // "area_m2=3e-5"
     std::map<std::string, std::string> start;  // options of the fits
     std::optional<double> forget;
@@ -262,15 +264,31 @@ void check_outputs(const Settings& settings) {
     check("--out", settings.out, settings.in);
     if (std::error_code ignored; !settings.force && fs::is_regular_file(settings.out, ignored))
         throw SetupError(fmt::format("--out {}: exists already; --force replaces it", in_quotes(settings.out)));
-    for (const auto& [option, path] : {std::pair{"--report", settings.report}, std::pair{"--map", settings.array.map}}) {
+    for (const auto& [option, path] : {std::pair{"--report", settings.report}, std::pair{"--map", settings.array.map},
+                                       std::pair{"--certificate", settings.certificate.file}}) {
         if (path.empty()) continue;
         check(option, path, settings.in);
         check(option, path, settings.out);
     }
+    if (!settings.certificate.file.empty() && !settings.report.empty())
+        check("--certificate", settings.certificate.file, settings.report);
+}
+
+void save_pages(const Settings& settings, const Labelled& labelled, const FitReport& report, const Reference& reference,
+                const CertificateText& text) {
+    if (settings.report.empty() && settings.certificate.file.empty()) return;
+    const CertificateFigures figures = certificate_figures(labelled, report.calibration, settings.request, reference);
+    if (!settings.report.empty())
+        replace_file(
+            settings.report,
+            html_report(report, "Calibration " + std::filesystem::path(settings.out).filename().string(), &figures));
+    if (!settings.certificate.file.empty()) save_certificate(settings.certificate.file, figures, report.calibration, text);
 }
 
 int calibrate(Settings settings) {
     check_outputs(settings);
+    const Reference reference = reference_of(settings.certificate);
+    const CertificateText stated = certificate_text(settings.certificate);
     const FitEntry* const of_array = find_array_fit(settings.request.model);
     if (settings.request.channel_unit.empty() && of_array != nullptr)
         settings.request.channel_unit = of_array->channels.unit;
@@ -299,6 +317,7 @@ int calibrate(Settings settings) {
     }
     if (of_array != nullptr) {
         if (!settings.report.empty()) throw SetupError("--report: an array has --map FILE, a CSV with a row for each taxel");
+        if (!reference.name.empty()) throw SetupError("--certificate and --reference: an array has no such certificate");
         calibrate_array(*of_array, request, settings.array, settings.in, settings.out, settings.json);
         return kGood;
     }
@@ -310,11 +329,10 @@ int calibrate(Settings settings) {
     if (const auto fits = fits_of(request.model); !fits.empty()) settings.selection.known = fits.front()->channels.includes;
     const Labelled labelled = read_labelled(settings.in, settings.selection);
     fmt::print(stderr, "{}", labelled.columns);  // before the fit, which may take minutes
+    check_reference(reference, labelled);
     const FitReport report = fit(labelled, settings.request);
     save_calibration(report.calibration, settings.out);
-    if (!settings.report.empty())
-        replace_file(settings.report,
-                     html_report(report, "Calibration " + std::filesystem::path(settings.out).filename().string()));
+    save_pages(settings, labelled, report, reference, stated);
     if (settings.json)
         print_json(report, settings);
     else
@@ -357,6 +375,7 @@ Run add_calibrate(Command verb) {
     verb.add_option("--saturates-above", settings->request.saturates_above,
                     "rows with a channel at or above this are left out (unit of the channels)");
     verb.add_option("--report", settings->report, "also write a report with plots: one HTML file");
+    add_certificate_options(verb, settings->certificate);
     verb.add_option("--geometry", settings->array.geometry,
                     "array: a calibration file with the places of its taxels, e.g. the maker's; or --set rows=16 ...");
     verb.add_option("--map", settings->array.map, "array: also write gain, sd, load and state of each taxel: one CSV file");

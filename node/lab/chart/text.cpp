@@ -15,6 +15,7 @@ std::size_t sequence(std::string_view text) {
     for (std::size_t i = 1; i < n; ++i)
         if ((byte(i) & 0xC0u) != 0x80) return 0;
     if (n == 3 && ((first == 0xE0 && byte(1) < 0xA0) || (first == 0xED && byte(1) > 0x9F))) return 0;  // overlong, surrogate
+    if (n == 3 && first == 0xEF && byte(1) == 0xBF && byte(2) > 0xBD) return 0;  // U+FFFE, U+FFFF: not in XML
     if (n == 4 && ((first == 0xF0 && byte(1) < 0x90) || (first == 0xF4 && byte(1) > 0x8F))) return 0;
     return n;
 }

@@ -237,12 +237,13 @@ rows, so they check that the statement holds, not that it would hold on other da
 
 }  // namespace
 
-std::string html_report(const FitReport& report, const std::string& title) {
+std::string html_report(const FitReport& report, const std::string& title, const CertificateFigures* certificate) {
     std::string page = header(report) + warnings(report);
     page += "<h2>Components</h2>\n" + components(report) + methods(report);
     for (std::size_t i = 0; i < report.components.size(); ++i)
         page += "<h2>" + html_text(report.components[i].name) + "</h2>\n" + html_component_plots(report, i);
     page += html_within(report) + sessions(report) + html_zeros(report) + html_loading(report) + crosstalk(report);
+    if (certificate != nullptr) page += html_certificate(*certificate);
     page += "<h2>Coverage of the loads</h2>\n<p>The loads of the labelled rows that have all channels.</p>\n" +
             html_coverage(report);
     return html_page(title, page + conditioning(report) + domain(report) + damage(report.calibration) + kHowToRead);

@@ -5,6 +5,7 @@
 
 #include "decoupling/fit/fit.hpp"
 #include "node/lab/chart/figure.hpp"
+#include "node/lab/report/certificate.hpp"
 
 namespace tactiled {
 
@@ -34,8 +35,8 @@ std::string unit_of(const ComponentReport& component);  // "N", "Nm"
 
 // Returns the page: all figures of `report`, plots of the held-out rows, and explanations. Numbers in the tables are
 // <data value="..."> with all their digits. The page has no network access, script, fonts or images; the same report
-// gives the same bytes. setup
-std::string html_report(const FitReport& report, const std::string& title);
+// gives the same bytes. `certificate`: figures of its own section; nullptr = without it. setup
+std::string html_report(const FitReport& report, const std::string& title, const CertificateFigures* certificate = nullptr);
 
 // Parts of the page, in plots.cpp.
 inline constexpr std::size_t kMaxDots = 2000;  // in one plot; more look the same and make the file slow
