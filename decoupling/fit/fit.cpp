@@ -254,7 +254,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     // The channels of a sensor that does not measure a lasting load (piezo) depend on the past, so that any
     // combination of them is possible.
     if (!remembers) set_monitor(rows, ways_to_hold_out(*labelled, rows, false).front().of_row, report.zeros, calibration);
-    report.drift_measured = !remembers && set_zero_age(rows, report.zeros, calibration, report.warnings);
+    report.drift_measured = !remembers && set_zero_age(*labelled, rows, report.zeros, calibration, report.warnings);
     calibration.temperature = std::move(temperature);
     for (auto& component : report.components) {
         const std::size_t c = component_index(component.name);

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "decoupling/fit/labels.hpp"
+#include "decoupling/fit/mixed_effects.hpp"
 #include "decoupling/fit/validate.hpp"
 #include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
@@ -13,110 +14,22 @@
 namespace tactiled {
 namespace {
 
-constexpr double kRest = 0.02;      // relative to each component's full scale
-constexpr double kStraight = 0.02;  // relative to a channel's width: allowed residual of the affine map of the labels
+constexpr double kKnown = 0.02;     // relative to a channel's width: uncertainty of a zero
 constexpr double kLower = 0.7;      // error with own zeros over error with one zero
 constexpr double kExplains = 0.3;   // relative to the labels' spread
 constexpr double kWorth = 1e-4;     // relative to full scale: a smaller difference does not count
 constexpr std::size_t kParts = 10;  // groups of sessions to leave out
-constexpr int kRounds = 3;
-constexpr double kFarOff = 10;  // relative to the median residual of the zeros
 
 struct Data {
     Eigen::MatrixXd channel, label;    // rows x channels, rows x components
     std::vector<std::size_t> session;  // number of the session among those that occur
-    std::vector<std::size_t> index;    // index in Labelled::sessions of each number
     Eigen::RowVectorXd full_scale, width;
 };
-
-// Returns the rows that have all labels of the recording.
-Data data_of(const Labelled& labelled, const Rows& rows) {
-    Data data;
-    std::vector<std::size_t> components;
-    for (std::size_t c = 0; c < 6; ++c)
-        if (std::any_of(rows.begin(), rows.end(), [&](const auto* row) { return std::isfinite(row->wrench_S[c]); }))
-            components.push_back(c);
-    const Rows whole = rows_with(rows, components);
-    if (whole.empty()) return data;
-    data.channel = channels_of(whole);
-    data.label = labels_of(whole, components);
-    std::vector<std::size_t> number(labelled.sessions.size(), labelled.sessions.size());
-    for (const auto* row : whole) {
-        if (number[row->session] == labelled.sessions.size()) {
-            number[row->session] = data.index.size();
-            data.index.push_back(row->session);
-        }
-        data.session.push_back(number[row->session]);
-    }
-    data.full_scale = data.label.cwiseAbs().colwise().maxCoeff();
-    data.width = data.channel.colwise().maxCoeff() - data.channel.colwise().minCoeff();
-    return data;
-}
-
-// Returns means over the rows of each session; NaN where no row is `counted`.
-Eigen::MatrixXd means_of_sessions(const Data& data, const Eigen::MatrixXd& of, const std::vector<bool>& counted) {
-    Eigen::MatrixXd mean = Eigen::MatrixXd::Zero(Eigen::Index(data.index.size()), of.cols());
-    Eigen::VectorXd n = Eigen::VectorXd::Zero(mean.rows());
-    for (Eigen::Index i = 0; i < of.rows(); ++i) {
-        if (!counted[std::size_t(i)]) continue;
-        mean.row(Eigen::Index(data.session[std::size_t(i)])) += of.row(i);
-        n[Eigen::Index(data.session[std::size_t(i)])] += 1;
-    }
-    return mean.array().colwise() / n.array();
-}
-
-struct Zeros {
-    Eigen::MatrixXd of_session;  // one row per session
-    std::vector<bool> agrees;    // for each row of the data: false if no zero explains it, as with a mistyped label
-    bool known = false;          // from rows at rest or linear channels, not from loads of a nonlinear sensor
-};
-
-// Determines the zeros from rows at rest, if each session has some and the channels are not linear, else from all
-// rows. Rows with a far larger residual than the others are ignored in the next iteration.
-Zeros zeros_of(const Data& data) {
-    Zeros zeros{.of_session = {}, .agrees = std::vector<bool>(data.session.size(), true)};
-    for (int round = 0; round < kRounds; ++round) {
-        const Eigen::MatrixXd channel_mean = means_of_sessions(data, data.channel, zeros.agrees);
-        const Eigen::MatrixXd label_mean = means_of_sessions(data, data.label, zeros.agrees);
-        Eigen::MatrixXd channel = data.channel, label = data.label;
-        for (Eigen::Index i = 0; i < channel.rows(); ++i) {
-            const double counts = zeros.agrees[std::size_t(i)] ? 1 : 0;
-            channel.row(i) = counts * (channel.row(i) - channel_mean.row(Eigen::Index(data.session[std::size_t(i)])));
-            label.row(i) = counts * (label.row(i) - label_mean.row(Eigen::Index(data.session[std::size_t(i)])));
-        }
-        if (!channel.allFinite()) return zeros;                          // a session has lost all of its rows
-        const Eigen::MatrixXd gain = dense::least_norm(label, channel);  // components x channels
-        const Eigen::RowVectorXd left =
-            ((channel - label * gain).colwise().squaredNorm() / double(channel.rows())).cwiseSqrt();
-        const bool straight = ((left.array() / data.width.array()) <= kStraight).all();
-        const Eigen::MatrixXd at_rest = data.channel - data.label * gain;
-        zeros.of_session = means_of_sessions(data, at_rest, zeros.agrees);
-        if (!straight) {
-            std::vector<bool> rests = zeros.agrees;
-            for (Eigen::Index i = 0; i < data.label.rows(); ++i)
-                rests[std::size_t(i)] =
-                    rests[std::size_t(i)] && (data.label.row(i).array().abs() <= kRest * data.full_scale.array()).all();
-            const Eigen::MatrixXd resting = means_of_sessions(data, at_rest, rests);
-            zeros.known = resting.allFinite();
-            if (zeros.known) zeros.of_session = resting;
-        } else {
-            zeros.known = true;
-        }
-        std::vector<double> size;
-        for (Eigen::Index i = 0; i < at_rest.rows(); ++i)
-            size.push_back((at_rest.row(i) - zeros.of_session.row(Eigen::Index(data.session[std::size_t(i)])))
-                               .cwiseQuotient(data.width)
-                               .norm());
-        const double limit = kFarOff * median(size);
-        for (std::size_t i = 0; i < size.size(); ++i) zeros.agrees[i] = size[i] <= limit;
-    }
-    return zeros;
-}
 
 // Returns the mean over the components of the 68 % quantile of the errors of an affine map on left-out sessions,
 // relative to full scale; infinite if the others do not determine a map.
 double error_of_affine(const Data& data, const Eigen::MatrixXd& channel, const std::vector<bool>& agrees) {
-    const std::size_t parts = std::min(kParts, data.index.size());
+    const std::size_t parts = std::min(kParts, 1 + *std::max_element(data.session.begin(), data.session.end()));
     std::vector<std::vector<double>> errors(std::size_t(data.label.cols()));
     for (std::size_t part = 0; part < parts; ++part) {
         std::vector<Eigen::Index> seen, unseen;
@@ -153,27 +66,30 @@ double error_of_affine(const Data& data, const Eigen::MatrixXd& channel, const s
 SessionZeros session_zeros(const Labelled& labelled, const Rows& rows, FitRequest::Zeros requested) {
     SessionZeros zeros;
     if (labelled.sessions.size() < 2) return zeros;
-    const Data data = data_of(labelled, rows);
-    const std::size_t sessions = data.index.size();
-    if (sessions < 2 || data.session.size() <= data.index.size() + std::size_t(data.label.cols()) ||
-        !(data.width.minCoeff() > 0) || !(data.full_scale.minCoeff() > 0))
-        return zeros;
-    const Zeros found = zeros_of(data);
-    Eigen::MatrixXd zero = found.of_session;
-    if (zero.size() == 0) return zeros;
-    zero.rowwise() -= Eigen::RowVectorXd(zero.colwise().mean());
-    if (!zero.allFinite()) return zeros;
+    const MixedEffects effects = mixed_effects(labelled, rows);
+    const std::size_t sessions = effects.index.size();
+    if (sessions < 2 || effects.rows.empty()) return zeros;
+    Data data{.channel = channels_of(effects.rows),
+              .label = labels_of(effects.rows, effects.components),
+              .session = effects.session,
+              .full_scale = {},
+              .width = {}};
+    data.full_scale = data.label.cwiseAbs().colwise().maxCoeff();
+    data.width = data.channel.colwise().maxCoeff() - data.channel.colwise().minCoeff();
     zeros.offset.resize(labelled.sessions.size());
     for (std::size_t s = 0; s < sessions; ++s) {
-        const Eigen::RowVectorXd row = zero.row(Eigen::Index(s));
-        zeros.offset[data.index[s]].assign(row.data(), row.data() + row.size());
+        const Eigen::RowVectorXd zero = effects.session_zero.row(Eigen::Index(s));
+        zeros.offset[effects.index[s]].assign(zero.begin(), zero.end());
     }
-    const Eigen::RowVectorXd sd = (zero.colwise().squaredNorm() / double(sessions - 1)).cwiseSqrt();
-    if (found.known) zeros.sd.assign(sd.data(), sd.data() + sd.size());
+    const bool known =
+        ((effects.own_sd.colwise().squaredNorm() / double(sessions)).cwiseSqrt().array() <= kKnown * data.width.array())
+            .all();
+    if (known) zeros.sd.assign(effects.zero_sd.begin(), effects.zero_sd.end());
     Eigen::MatrixXd tared = data.channel;
-    for (Eigen::Index i = 0; i < tared.rows(); ++i) tared.row(i) -= zero.row(Eigen::Index(data.session[std::size_t(i)]));
-    zeros.error = error_of_affine(data, data.channel, found.agrees);
-    zeros.error_with_own = error_of_affine(data, tared, found.agrees);
+    for (Eigen::Index i = 0; i < tared.rows(); ++i)
+        tared.row(i) -= effects.session_zero.row(Eigen::Index(data.session[std::size_t(i)]));
+    zeros.error = error_of_affine(data, data.channel, effects.agrees);
+    zeros.error_with_own = error_of_affine(data, tared, effects.agrees);
     // Zeros are not an explanation if the channels do not determine the labels even with them.
     const Eigen::RowVectorXd spread =
         ((data.label.rowwise() - data.label.colwise().mean()).colwise().squaredNorm() / double(data.label.rows()))
@@ -181,8 +97,8 @@ SessionZeros session_zeros(const Labelled& labelled, const Rows& rows, FitReques
             .cwiseQuotient(data.full_scale);
     const bool explains = zeros.error_with_own < kExplains * spread.mean();
     zeros.own = requested == FitRequest::Zeros::per_session ||
-                (requested == FitRequest::Zeros::found && found.known && explains &&
-                 zeros.error_with_own < kLower * zeros.error && zeros.error - zeros.error_with_own > kWorth);
+                (requested == FitRequest::Zeros::found && known && explains && zeros.error_with_own < kLower * zeros.error &&
+                 zeros.error - zeros.error_with_own > kWorth);
     return zeros;
 }
 

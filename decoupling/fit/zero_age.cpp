@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
 
 #include "decoupling/fit/labels.hpp"
+#include "decoupling/fit/mixed_effects.hpp"
 #include "decoupling/fit/recording_checks.hpp"
 #include "decoupling/fit/validate.hpp"
 #include "decoupling/method.hpp"
@@ -28,42 +28,21 @@ struct Unloaded {
     Eigen::MatrixXd channel;
 };
 
-// One gain for each label and channel, and one zero for each session and channel, by least squares. In the channels and not
-// in the forces, because a fit with spare channels explains the drift of its own recording away.
-std::vector<Unloaded> unloaded(const Calibration& calibration, const Rows& rows) {
-    std::vector<std::size_t> components;
-    for (const std::string& name : calibration.components) components.push_back(component_index(name));
-    std::map<std::size_t, Rows> of_session;
-    for (const auto* row : rows_with(rows, components))
-        if (row->t_ns != 0) of_session[row->session].push_back(row);
-    std::vector<Eigen::MatrixXd> label, channel;
-    Eigen::Index n = 0;
-    for (const auto& [session, all] : of_session) {
-        label.push_back(labels_of(all, components));
-        channel.push_back(channels_of(all));
-        label.back().rowwise() -= Eigen::RowVectorXd(label.back().colwise().mean());
-        channel.back().rowwise() -= Eigen::RowVectorXd(channel.back().colwise().mean());
-        n += label.back().rows();
+// By the gains of all sessions: in the channels and not in the forces, because a fit with spare channels explains the drift
+// of its own recording away.
+std::vector<Unloaded> unloaded(const Calibration& calibration, const MixedEffects& effects) {
+    std::vector<Unloaded> result(effects.index.size());
+    std::vector<std::vector<Eigen::Index>> chosen(result.size());
+    for (std::size_t i = 0; i < effects.rows.size(); ++i) {
+        const LabelledRow& row = *effects.rows[i];
+        if (row.t_ns == 0) continue;
+        Unloaded& one = result[effects.session[i]];
+        one.t_h.push_back(double(row.t_ns) * 1e-9 / kHour_s);
+        one.rests.push_back(load_of(row.wrench_S, calibration) < LoadPeak::kRest);
+        chosen[effects.session[i]].push_back(Eigen::Index(i));
     }
-    std::vector<Unloaded> result;
-    if (n <= Eigen::Index(components.size() + of_session.size())) return result;
-    Eigen::MatrixXd all_labels(n, label.front().cols()), all_channels(n, channel.front().cols());
-    Eigen::Index at = 0;
-    for (std::size_t s = 0; s < label.size(); at += label[s].rows(), ++s) {
-        all_labels.middleRows(at, label[s].rows()) = label[s];
-        all_channels.middleRows(at, label[s].rows()) = channel[s];
-    }
-    const Eigen::MatrixXd gain = dense::least_norm(all_labels, all_channels);
-    std::size_t s = 0;
-    for (const auto& [session, all] : of_session) {
-        Unloaded& one = result.emplace_back();
-        one.channel = channel[s] - label[s] * gain;
-        for (const auto* row : all) {
-            one.t_h.push_back(double(row->t_ns) * 1e-9 / kHour_s);
-            one.rests.push_back(load_of(row->wrench_S, calibration) < LoadPeak::kRest);
-        }
-        ++s;
-    }
+    for (std::size_t s = 0; s < result.size(); ++s) result[s].channel = effects.unloaded(chosen[s], Eigen::all);
+    std::erase_if(result, [](const Unloaded& one) { return one.t_h.empty(); });
     return result;
 }
 
@@ -173,7 +152,7 @@ std::vector<double> moved_like(const Changes& sessions, const Calibration& calib
 
 }  // namespace
 
-bool set_zero_age(const Rows& rows, const SessionZeros& zeros, Calibration& calibration,
+bool set_zero_age(const Labelled& labelled, const Rows& rows, const SessionZeros& zeros, Calibration& calibration,
                   std::vector<std::string>& warnings) {
     Changes offsets;
     for (const std::vector<double>& offset : zeros.offset)
@@ -184,7 +163,7 @@ bool set_zero_age(const Rows& rows, const SessionZeros& zeros, Calibration& cali
         for (double& each : calibration.zero_shift) each *= std::sqrt(n / (n - 1) * (1 + 1 / n));
     }
     if (calibration.sd.empty()) return false;
-    const Drift drift = drift_of(unloaded(calibration, rows));
+    const Drift drift = drift_of(unloaded(calibration, mixed_effects(labelled, rows)));
     if (drift.far.empty()) return false;
     const double chance = by_chance(double(drift.far.size()));
     const std::vector<double> far = moved_like(drift.far, calibration, rows),
