@@ -17,6 +17,7 @@ constexpr double kDegrees[] = {2, 4, 8, 30}, kFollows[] = {0, 0.5, 1};
 // well.
 constexpr double kLeastShare = 0.01, kMostShare = 0.05;
 constexpr int kRounds = 25, kRoundsOfShared = 2;
+constexpr double kShared = 0.5;     // share of an error that remains
 constexpr double kLeastOwn = 1e-6;  // variance of an error that the other components do not share: keeps it above rounding
 constexpr std::size_t kEnough = 4000;  // loads that determine a mixture
 // Loads before and after, and nearest loads: those that share an error, and those that show its size.
@@ -66,12 +67,13 @@ std::vector<double> some_of(const std::vector<double>& values, std::size_t every
     return some;
 }
 
-// Returns the median of the first `most` values of the neighbours whose labels are not likely to be wrong, or `otherwise`.
+// Returns the median of the first `most` values of the neighbours, or `otherwise`. A few wrong labels do not change it, and
+// a range in which the sensor bends has no others.
 double median_around(const std::vector<double>& values, const std::vector<std::size_t>& neighbours, std::size_t most,
-                     const std::vector<double>& wrong, double otherwise) {
+                     double otherwise) {
     std::vector<double> around;
     for (const std::size_t l : neighbours)
-        if (around.size() < most && std::isfinite(values[l]) && !(wrong[l] > 0.5)) around.push_back(values[l]);
+        if (around.size() < most && std::isfinite(values[l])) around.push_back(values[l]);
     return around.empty() ? otherwise : median(std::move(around));
 }
 
@@ -89,8 +91,8 @@ void set_sizes(const Neighbours& neighbours, OneComponent& of) {
     }
     const double all = median(known);
     for (std::size_t l = 0; all > 0 && l < magnitude.size(); ++l) {
-        const double in_time = median_around(magnitude, neighbours.in_time[l], 2 * kInTimeOfSize, of.wrong, all);
-        const double alike = median_around(magnitude, neighbours.in_channels[l], kInChannelsOfSize, of.wrong, all);
+        const double in_time = median_around(magnitude, neighbours.in_time[l], 2 * kInTimeOfSize, all);
+        const double alike = median_around(magnitude, neighbours.in_channels[l], kInChannelsOfSize, all);
         of.size[l] = std::max(kSmallest, std::max(in_time, alike) / all);
     }
 }
@@ -126,8 +128,8 @@ void take_shared_off(const Neighbours& neighbours, const ErrorMixture& mixture, 
     Eigen::VectorXd error(n);
     for (Eigen::Index i = 0; i < n; ++i) {
         const std::size_t l = known.index[std::size_t(i)];
-        shared.row(i) << median_around(of.error, neighbours.in_time[l], 2 * kInTime, of.wrong, 0),
-            median_around(of.error, neighbours.in_channels[l], kInChannels, of.wrong, 0);
+        shared.row(i) << median_around(of.error, neighbours.in_time[l], 2 * kInTime, 0),
+            median_around(of.error, neighbours.in_channels[l], kInChannels, 0);
         const double scale = scale_at(mixture, of.size[l]), z = of.own[l] / scale;
         const double weight = std::sqrt((1 - of.wrong[l]) * (mixture.degrees + 1) / (mixture.degrees + z * z)) / scale;
         weighted.row(i) = weight * shared.row(i);
@@ -136,6 +138,13 @@ void take_shared_off(const Neighbours& neighbours, const ErrorMixture& mixture, 
     const Eigen::VectorXd explained = shared * dense::least_norm_of_one(weighted, error).cwiseMax(0).cwiseMin(1);
     for (Eigen::Index i = 0; i < n; ++i)
         of.own[known.index[std::size_t(i)]] = of.error[known.index[std::size_t(i)]] - explained[i];
+}
+
+// Labels whose error the neighbours of either kind share are right: most of the error goes if theirs is subtracted.
+bool is_shared(const OneComponent& of, const Neighbours& neighbours, std::size_t l) {
+    const double in_time = median_around(of.error, neighbours.in_time[l], 2 * kInTime, 0);
+    const double alike = median_around(of.error, neighbours.in_channels[l], kInChannels, 0);
+    return std::min(std::abs(of.error[l] - in_time), std::abs(of.error[l] - alike)) < kShared * std::abs(of.error[l]);
 }
 
 // The errors of one component in their scale; NaN without a label.
@@ -286,6 +295,7 @@ Neighbours neighbours_of(const std::vector<Load>& loads) {
 std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale) {
     std::vector<Wrench> wrong(loads.size(), kUnseen);
     std::vector<Standardised> all;
+    std::vector<OneComponent> errors;
     for (std::size_t c = 0; c < full_scale.size(); ++c) {
         if (!(full_scale[c] > 0)) continue;
         OneComponent of{.error = {},
@@ -306,8 +316,12 @@ std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbour
             one.z[Eigen::Index(l)] = of.own[l] / scale_at(mixture, of.size[l]);
             if (std::isfinite(of.own[l])) wrong[l][c] = of.wrong[l];
         }
+        errors.push_back(std::move(of));
     }
     if (all.size() > 1) judge_together(all, wrong);
+    for (std::size_t i = 0; i < all.size(); ++i)
+        for (std::size_t l = 0; l < loads.size(); ++l)
+            if (is_shared(errors[i], neighbours, l)) wrong[l][all[i].component] = 0;
     return wrong;
 }
 
