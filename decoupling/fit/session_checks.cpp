@@ -131,13 +131,14 @@ Explained explain(const Case& of, const std::string& place) {
     if (!(best.error <= found.limit)) best = as_turn(of);  // which has more freedom
     if (best.error <= found.limit) return {fmt::format(fmt::runtime(best.text), place), true};
     const double percent = 100 * found.spread;
-    return {fmt::format(
-                "{} of {}: the straight line of the others errs by {:.2g} % of the spread of the labels, one of its own by "
-                "{:.2g} %, whatever the zeros. Are channels in another unit, gain or order, or is the sensor mounted "
-                "otherwise?",
-                label_column(of.sessions.component[of.worst]), place, percent / found.spread * found.error,
-                percent / found.spread * found.alone),
-            false};
+    return {
+        fmt::format("{} of {}: the straight line of the others errs by {:.2g} % of the spread of the labels, one of its "
+                    "own, in parts that it has not seen, by "
+                    "{:.2g} %, whatever the zeros. Are channels in another unit, gain or order, or is the sensor mounted "
+                    "otherwise?",
+                    label_column(of.sessions.component[of.worst]), place, percent / found.spread * found.error,
+                    percent / found.spread * found.alone),
+        false};
 }
 
 // "1", "1 and 2", "1, 2 and 3"

@@ -15,32 +15,21 @@ namespace {
 // sessions, which would show it to a quarter, so that errors have Student's distribution with as many degrees of freedom,
 // plus one for each other session.
 constexpr double kGainsDiffer = 0.03, kCountsAs = 10;
-constexpr double kTiny = 1e-9;   // relative to the variance of a channel: keeps covariances definite
-constexpr double kLevel = 1e-3;  // probability of a contradiction in a recording without one
-constexpr double kBeyond = 3;    // a load relative to the sd of those of other sessions: their line may be wrong for it
+constexpr double kTiny = 1e-9;      // relative to the variance of a channel: keeps covariances definite
+constexpr Eigen::Index kParts = 5;  // of the time of a session
+constexpr double kLevel = 1e-3;     // probability of a contradiction in a recording without one
+constexpr double kBeyond = 3;       // a load relative to the sd of those of other sessions: their line may be wrong for it
 // Number of sessions whose own line may be the first consensus, and of those whose common line is enough, evenly over all.
 constexpr std::size_t kCandidates = 12, kTogether = 50;
 
 Eigen::VectorXd widths(const SessionMoments& session) { return session.xx.diagonal().cwiseSqrt(); }
-
-// Returns nothing where the rows are too few to show a contradiction, or where label or channels are constant.
-std::optional<SessionMoments> moments_of(const Rows& rows, std::size_t component) {
-    const Rows known = rows_with(rows, {component});
-    if (known.size() < kFewestRows || known.size() < 3 * (known.front()->channel.size() + 1)) return std::nullopt;
-    Eigen::MatrixXd x = channels_of(known), y = labels_of(known, {component});
-    for (int twice = 0; twice < 2; ++twice) x.rowwise() -= Eigen::RowVectorXd(x.colwise().mean());
-    y.array() -= y.mean();
-    const auto n = double(known.size());
-    SessionMoments moments{.xx = x.transpose() * x / n, .xy = x.transpose() * y / n, .yy = y.squaredNorm() / n, .rows = n};
-    if (!(moments.xx.diagonal().minCoeff() > 0) || !(moments.yy > 0)) return std::nullopt;
-    return moments;
-}
 
 // The moments of several sessions together, each with zeros of its own.
 SessionMoments together(const Moments& sessions, const std::vector<std::size_t>& by) {
     SessionMoments all = *sessions[by.front()];
     for (std::size_t i = 1; i < by.size(); ++i) {
         const SessionMoments& one = *sessions[by[i]];
+        all.within = std::max(all.within, one.within);
         const double share = one.rows / (all.rows + one.rows);
         all.xx += share * (one.xx - all.xx);
         all.xy += share * (one.xy - all.xy);
@@ -73,6 +62,50 @@ double predicted_variance(const Eigen::VectorXd& line, const SessionMoments& ses
     return std::max(0.0, line.dot(session.xx * line));
 }
 
+// Those of `all` without `one` that have this component.
+std::vector<std::size_t> others_of(const Moments& moments, const std::vector<std::size_t>& all, std::size_t one) {
+    std::vector<std::size_t> others;
+    std::copy_if(all.begin(), all.end(), std::back_inserter(others),
+                 [&](std::size_t s) { return s != one && moments[s].has_value(); });
+    return others;
+}
+
+SessionMoments moments_of(const Eigen::MatrixXd& channels, const Eigen::VectorXd& labels) {
+    const auto n = double(labels.size());
+    Eigen::MatrixXd x = channels;
+    for (int twice = 0; twice < 2; ++twice) x.rowwise() -= Eigen::RowVectorXd(x.colwise().mean());
+    const Eigen::VectorXd y = labels.array() - labels.mean();
+    return {.xx = x.transpose() * x / n, .xy = x.transpose() * y / n, .yy = y.squaredNorm() / n, .rows = n};
+}
+
+double error_within(const Eigen::MatrixXd& x, const Eigen::VectorXd& y, double variance) {
+    Moments parts;
+    std::vector<std::size_t> all;
+    for (Eigen::Index part = 0; part < kParts; ++part) {
+        const Eigen::Index begin = part * y.size() / kParts, n = (part + 1) * y.size() / kParts - begin;
+        parts.emplace_back(moments_of(x.middleRows(begin, n), y.segment(begin, n)));
+        all.push_back(std::size_t(part));
+    }
+    double squares = 0;
+    for (std::size_t part = 0; part < all.size(); ++part) {
+        const Line line = line_of(together(parts, others_of(parts, all, part)), variance);
+        squares += std::pow(error_of_line(line.slope, *parts[part], 1), 2) / double(kParts);
+    }
+    return std::sqrt(squares);
+}
+
+// Returns nothing where the rows are too few to show a contradiction, or where label or channels are constant.
+std::optional<SessionMoments> moments_of(const Rows& rows, std::size_t component) {
+    const Rows known = rows_with(rows, {component});
+    if (known.size() < kFewestRows || known.size() < 3 * (known.front()->channel.size() + 1)) return std::nullopt;
+    const Eigen::MatrixXd x = channels_of(known);
+    const Eigen::VectorXd y = labels_of(known, {component});
+    SessionMoments moments = moments_of(x, y);
+    if (!(moments.xx.diagonal().minCoeff() > 0) || !(moments.yy > 0)) return std::nullopt;
+    moments.within = error_within(x, y, moments.yy);
+    return moments;
+}
+
 double usual_variance(const Moments& sessions) {
     std::vector<double> all;
     for (const auto& session : sessions)
@@ -88,14 +121,6 @@ double spread_of(const Moments& sessions, const Eigen::VectorXd& line, const Ses
 double student_limit(double degrees, std::size_t comparisons) {
     return boost::math::quantile(
         boost::math::complement(boost::math::students_t(degrees), kLevel / 2 / double(comparisons)));
-}
-
-// Those of `all` without `one` that have this component.
-std::vector<std::size_t> others_of(const Moments& moments, const std::vector<std::size_t>& all, std::size_t one) {
-    std::vector<std::size_t> others;
-    std::copy_if(all.begin(), all.end(), std::back_inserter(others),
-                 [&](std::size_t s) { return s != one && moments[s].has_value(); });
-    return others;
 }
 
 // Returns true if a session has no load that is far beyond those of the others, in any combination of the axes: their line
@@ -164,13 +189,13 @@ double error_of_line(const Eigen::VectorXd& line, const SessionMoments& session,
 Prediction predict(const Moments& sessions, const std::vector<std::size_t>& by, std::size_t of, std::size_t comparisons) {
     const SessionMoments &session = *sessions[of], known = together(sessions, by);
     const double usual = usual_variance(sessions);
-    const Line others = line_of(known, usual), own = line_of(session, usual);
+    const Line others = line_of(known, usual);
     Prediction result{.line = others.slope, .spread = spread_of(sessions, others.slope, session)};
     result.error = error_of_line(others.slope, session, result.spread);
-    result.alone = error_of_line(own.slope, session, result.spread);
+    result.alone = session.within / result.spread;
     // What gains that differ, a sensor that is not straight, and loads that the others do not have may do.
     const double gains = kGainsDiffer * others.slope.cwiseProduct(widths(session)).norm() / result.spread;
-    const double bent = std::max(result.alone, error_of_line(others.slope, known, result.spread));
+    const double bent = std::max(session.within, known.within) / result.spread;
     const double unknown = std::sqrt(std::max(0.0, others.covariance.cwiseProduct(session.xx).sum())) / result.spread;
     const double before = gains * gains + bent * bent;
     double squares = kCountsAs * before;

@@ -15,6 +15,9 @@ struct SessionMoments {
     Eigen::VectorXd xy;  // of the channels with the label
     double yy = 0;       // variance of the label
     double rows = 0;
+    // Error of the line of four fifths of its time in the other fifth, N or Nm: a straight line holds for some places and
+    // loads only, whatever the session.
+    double within = 0;
 };
 
 // What the line of some sessions says of another one. Errors are relative to the spread of the labels, which is the largest
@@ -22,7 +25,7 @@ struct SessionMoments {
 struct Prediction {
     Eigen::VectorXd line;  // label per channel
     double error = 0;      // root mean square, whatever the zero
-    double alone = 0;      // of a line of the session's own
+    double alone = 0;      // of a line of the session's own, in a part of it that it has not seen
     double limit = 0;      // a greater error is a contradiction
     double spread = 0;     // N or Nm
 };
