@@ -15,19 +15,17 @@ struct SessionMoments {
     Eigen::VectorXd xy;  // of the channels with the label
     double yy = 0;       // variance of the label
     double rows = 0;
-    // Error of the line of four fifths of its time in the other fifth, N or Nm: a straight line holds for some places and
-    // loads only, whatever the session.
-    double within = 0;
+    std::vector<SessionMoments> parts;  // fifths of its time
 };
 
-// What the line of some sessions says of another one. Errors are relative to the spread of the labels, which is the largest
+// What the lines of some sessions say of another one. Errors are relative to the spread of the labels, which is the largest
 // of: those of the session, those predicted for it, and those of a usual session.
 struct Prediction {
-    Eigen::VectorXd line;  // label per channel
-    double error = 0;      // root mean square, whatever the zero
-    double alone = 0;      // of a line of the session's own, in a part of it that it has not seen
-    double limit = 0;      // a greater error is a contradiction
-    double spread = 0;     // N or Nm
+    Eigen::VectorXd line, own, common;  // label per channel: of the others, of the session, of all of them together
+    double error = 0;                   // root mean square of the others' line in the session, whatever the zero
+    double gains = 0;                   // what other gains of the channels do to it: sd
+    double limit = 0;                   // what these, and loads that are not known, do to it
+    double spread = 0;                  // N or Nm
 };
 
 // The sessions of one component; empty where a session has none.
@@ -43,6 +41,23 @@ struct Sessions {
 };
 Sessions sessions_of(const std::vector<Rows>& of_session);
 
+// What a session says against the others, if their line is not right for it.
+struct Contradiction {
+    // factor: of the labels of a component; exchange: of two channels; turn: labels of a component belong to other axes, or
+    // have the other sign; unknown: no line serves both. The correction, or a line of its own, lowers the error by a third
+    // in each fifth of the session, and the error is beyond what other gains do.
+    enum class Cause { unknown, factor, exchange, turn } cause = Cause::unknown;
+    std::size_t component = 0;  // in Sessions::component
+    Prediction prediction;      // of this component
+    double factor = 1;
+    std::size_t a = 0, b = 0;  // channels
+    double left = 0;           // error with the correction, relative to the spread of the session's labels
+};
+
+// Compares a session with the line of others, which have loads like its own. Nothing: it agrees, or cannot be compared.
+std::optional<Contradiction> contradiction(const Sessions& sessions, const std::vector<std::size_t>& by,
+                                           std::size_t session);
+
 // The sessions that contradict the others.
 struct SessionVerdict {
     std::vector<std::size_t> compared;  // in order
@@ -50,12 +65,9 @@ struct SessionVerdict {
     std::optional<std::pair<std::size_t, std::size_t>> pair;  // where there is no minority: two of them that contradict
 };
 
-// Compares each session with the line of all others that agree with each other, if these have loads like its own. Level: one
-// false contradiction in 1000 recordings. setup
+// Compares each session with the line of all others that agree with each other. Level: one false contradiction in 1000
+// recordings. setup
 SessionVerdict contradicting(const Sessions& sessions);
-
-// Returns what the sessions of `by` say of session `of`.
-Prediction predict(const Moments& sessions, const std::vector<std::size_t>& by, std::size_t of, std::size_t comparisons);
 
 // Returns the error of a line in a session, relative to `spread`.
 double error_of_line(const Eigen::VectorXd& line, const SessionMoments& session, double spread);

@@ -91,16 +91,12 @@ TEST(SessionPairs, OfATurnedSensorAreSeen) {
     }
 }
 
-TEST(SessionPairs, AnAxisThatOneSessionHardlyLoadsIsRightUnlessOnlyItsLabelsAreSmall) {
+TEST(SessionPairs, WithAnAxisThatIsHardlyLoadedDoNotDisagree) {
     for (unsigned seed = 1; seed <= 60; ++seed) {
         Sensor sensor(seed, 8, Kind::straight);
         const std::vector<LabelledRow> one = sensor.session();
         sensor.first_load = 0.02;
         EXPECT_FALSE(contradict(one, sensor.session())) << seed;
-        sensor.first_load = 1;
-        std::vector<LabelledRow> noise = sensor.session();  // loads without labels
-        for (LabelledRow& row : noise) row.wrench_S[0] = 0.02 * sensor.normal(sensor.random);
-        EXPECT_TRUE(contradict(one, noise)) << seed;
     }
 }
 
