@@ -7,15 +7,15 @@
 #include <map>
 #include <utility>
 
+#include "decoupling/fit/gram.hpp"
 #include "decoupling/fit/groups.hpp"
 #include "decoupling/fit/parallel.hpp"
-#include "decoupling/solve/dense.hpp"
 
 namespace tactiled {
 namespace {
 
 constexpr std::size_t kParts = 5;
-constexpr Eigen::Index kChunk = 512;  // rows whose features are in memory at once: 4.6 MB with 1,136 features
+constexpr Eigen::Index kChunk = 256;  // rows whose features are in memory at once: 4.6 MB with 1,136 features
 
 // The part in which a row is left out, 0 .. kParts - 1, as in the validation but in fewer parts; and 1 if the row is in the
 // last third of the time.
@@ -58,7 +58,7 @@ bool is_same_row(const LabelledRow& known, const LabelledRow& some) {
 }  // namespace
 
 void Normal::add(const Eigen::MatrixXd& features, const Eigen::MatrixXd& y, double sign) {
-    gram.selfadjointView<Eigen::Lower>().rankUpdate(features.transpose(), sign);
+    add_gram(features, sign, gram);
     feature_y.noalias() += sign * (features.transpose() * y);
     rows += sign * double(features.rows());
 }
@@ -72,7 +72,7 @@ void Normal::add(const Normal& other, double sign) {
 Eigen::MatrixXd Normal::solve(const Eigen::MatrixXd& right, double ridge) const {
     Eigen::MatrixXd regular = gram;
     regular.diagonal().array() += ridge * rows;
-    return dense::solve_by_llt(regular, right);
+    return solve_gram(regular, right);
 }
 
 RowSums::RowSums(const Rows& rows, const Scaled& scaled, FeaturesOf features_of)

@@ -6,6 +6,8 @@
 #include <numeric>
 #include <random>
 
+#include "decoupling/fit/gram.hpp"
+
 namespace tactiled {
 namespace {
 
@@ -89,6 +91,47 @@ TEST(RowSums, FindRowsByTheirContents) {
     again.rows[9] = made.rows[9];
     again.rows[13].channel[1] += 1e-9;
     EXPECT_FALSE(sums.places_of(some));
+}
+
+// ---- Gram matrices and their solutions, beside Eigen's: with AVX2 they have their own code
+
+// Sizes beside and on the borders of tiles of 12 x 4, panels of 256 rows and blocks of 128 columns.
+constexpr Eigen::Index kGramRows[] = {1, 255, 256, 700}, kGramColumns[] = {1, 4, 11, 12, 13, 127, 128, 150, 300};
+
+TEST(Gram, IsTheProductOfTheFeatures) {
+    for (const Eigen::Index n : kGramRows)
+        for (const Eigen::Index m : kGramColumns) {
+            const Eigen::MatrixXd features = Eigen::MatrixXd::Random(n, m), before = Eigen::MatrixXd::Random(m, m);
+            for (const double sign : {1.0, -1.0}) {
+                Eigen::MatrixXd gram = before;
+                add_gram(features, sign, gram);
+                const Eigen::MatrixXd off = gram - before - sign * features.transpose() * features;
+                EXPECT_LT(off.triangularView<Eigen::Lower>().toDenseMatrix().cwiseAbs().maxCoeff(), 1e-12 * double(n + 10))
+                    << n << " x " << m;
+            }
+        }
+}
+
+TEST(Gram, SolutionsFulfilTheirEquations) {
+    for (const Eigen::Index m : kGramColumns) {
+        const Eigen::MatrixXd features = Eigen::MatrixXd::Random(3 * m, m), right = Eigen::MatrixXd::Random(m, 3);
+        const Eigen::MatrixXd gram = features.transpose() * features;
+        Eigen::MatrixXd lower = gram;
+        lower.triangularView<Eigen::StrictlyUpper>().setConstant(kNaN);  // not read
+        const Eigen::MatrixXd x = solve_gram(lower, right);
+        EXPECT_LT((gram * x - right).cwiseAbs().maxCoeff(), 1e-10) << m;
+    }
+}
+
+// A product of rank 2: rounding decides whether it has a factor.
+TEST(Gram, HasAFiniteSolutionWithoutAFactor) {
+    const Eigen::MatrixXd features = Eigen::MatrixXd::Random(2, 200);
+    const Eigen::MatrixXd gram = features.transpose() * features;
+    EXPECT_TRUE(solve_gram(gram, gram.col(0)).allFinite());
+    Eigen::MatrixXd negative = Eigen::MatrixXd::Identity(200, 200);
+    negative(150, 150) = -2;
+    const Eigen::VectorXd right = Eigen::VectorXd::Ones(200);
+    EXPECT_NEAR(solve_gram(negative, right)(150, 0), -0.5, 1e-12);
 }
 
 }  // namespace
