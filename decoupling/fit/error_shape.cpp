@@ -72,6 +72,17 @@ double scale_for_all_and(std::size_t loaded, std::span<Ratio> ratios) {
     return std::max(of_loaded, scale_for(ratios));
 }
 
+// Returns true if the smallest s that is valid for all `ratios` is not below `limit`: counting is faster than sorting.
+bool exceeds_limit(std::span<const Ratio> ratios, double limit) {
+    for (const Tail& tail : kTails) {
+        if (ratios.size() < tail.errors) continue;
+        std::size_t below = 0;
+        for (const Ratio& each : ratios) below += each.ratio < limit * tail.sds ? 1 : 0;
+        if (double(below) <= std::ceil(tail.share * double(ratios.size()))) return true;
+    }
+    return false;
+}
+
 // Returns the smallest s that is valid for each quarter of `ratios`, from the smallest to the largest standard deviation, so
 // that a shape that is too small for light loads is no gain. Reorders `ratios`.
 double scale_for_quarters(std::span<Ratio> ratios) {
@@ -149,6 +160,7 @@ double scale_of(const Errors& errors, const Shape& shape, const Validity& validi
     };
     for (const auto* of : {&errors.plain, &errors.tared}) {
         std::vector<Ratio> ratios = ratios_of(*of, shape);
+        if (exceeds_limit(ratios, limit) || exceeds_limit(std::span(ratios).first(errors.loaded), limit)) return limit;
         if (exceeds(scale_for_all_and(errors.loaded, ratios))) return needed;
     }
     for (const auto* of : {&errors.plain, &errors.tared})
