@@ -4,7 +4,6 @@
 #include <limits>
 
 #include "decoupling/fit/labels.hpp"
-#include "decoupling/solve/dense.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -35,11 +34,13 @@ Scaled fit_matrix_and_scale(const Rows& rows, Calibration& calibration, std::vec
     return scaled;
 }
 
+double unit_of(const Leftover& leftover) { return std::sqrt(leftover.y.squaredNorm() + std::numeric_limits<double>::min()); }
+
 Eigen::MatrixXd units_left(const Scaled& scaled) {
     Eigen::MatrixXd y = Eigen::MatrixXd::Zero(scaled.u.rows(), Eigen::Index(scaled.component.size()));
     for (std::size_t c = 0; c < scaled.component.size(); ++c) {
         const Leftover& leftover = scaled.component[c];
-        const double unit = std::sqrt(leftover.y.squaredNorm() + std::numeric_limits<double>::min());
+        const double unit = unit_of(leftover);
         for (std::size_t i = 0; i < leftover.rows.size(); ++i)
             y(leftover.rows[i], Eigen::Index(c)) = leftover.y[Eigen::Index(i)] / unit;
     }
@@ -55,22 +56,6 @@ Eigen::MatrixXd quadratic_features(const Eigen::MatrixXd& u) {
     for (Eigen::Index k = 0; k < n; ++k)
         for (Eigen::Index j = k; j < n; ++j) features.col(at++) = u.col(k).cwiseProduct(u.col(j));
     return features;
-}
-
-Ridge::Ridge(const Eigen::MatrixXd& features) : rows_(double(features.rows())) {
-    gram_ = Eigen::MatrixXd::Zero(features.cols(), features.cols());
-    gram_.selfadjointView<Eigen::Lower>().rankUpdate(features.transpose());
-}
-
-void Ridge::take_out(const Eigen::MatrixXd& features) {
-    rows_ -= double(features.rows());
-    gram_.selfadjointView<Eigen::Lower>().rankUpdate(features.transpose(), -1);
-}
-
-Eigen::MatrixXd Ridge::solve(const Eigen::MatrixXd& feature_y, double ridge) const {
-    Eigen::MatrixXd regular = gram_;
-    regular.diagonal().array() += ridge * rows_;
-    return dense::solve_by_llt(regular, feature_y);
 }
 
 Eigen::MatrixXd rows_of(const Eigen::MatrixXd& matrix, const std::vector<Eigen::Index>& rows) {

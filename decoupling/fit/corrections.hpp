@@ -27,7 +27,9 @@ struct Scaled {
 // setup: throws Undetermined
 Scaled fit_matrix_and_scale(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);
 
-// Returns the residuals, one column per component, in units of their root mean square. A row without a label counts as
+// Returns the unit of a component in units_left(): the root of the sum of its squared residuals.
+double unit_of(const Leftover& leftover);
+// Returns the residuals, one column per component, in units of unit_of(). A row without a label counts as
 // explained, which affects only a search.
 Eigen::MatrixXd units_left(const Scaled& scaled);
 
@@ -41,21 +43,6 @@ void for_each_chunk(const Eigen::MatrixXd& u, Eigen::Index begin, Eigen::Index e
     constexpr Eigen::Index kChunk = 2048;
     for (; begin < end; begin += kChunk) f(begin, features_of(u.middleRows(begin, std::min(kChunk, end - begin))));
 }
-
-// Solves (feature' feature + ridge rows I)^-1 feature' y. The ridge bounds the condition number of the features,
-// whose mean square is about 1, by 1 / ridge, so that the normal equations lose no significant digit.
-class Ridge {
-public:
-    explicit Ridge(const Eigen::MatrixXd& features);
-    // Subtracts rows that a component lacks: cheaper than a Gram matrix of the others.
-    void take_out(const Eigen::MatrixXd& features);
-    // Solves for all columns of `feature_y` with one factorisation.
-    [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& feature_y, double ridge) const;
-
-private:
-    Eigen::MatrixXd gram_;
-    double rows_;
-};
 
 Eigen::MatrixXd rows_of(const Eigen::MatrixXd& matrix, const std::vector<Eigen::Index>& rows);
 
@@ -71,14 +58,12 @@ struct HeldOutErrors {
     BlockErrors as_read, smooth;
 };
 
-// Returns the features of some rows of Scaled::u; the first 1 + channels are (1, u).
-using FeaturesOf = std::function<Eigen::MatrixXd(const Eigen::MatrixXd& u)>;
+class RowSums;  // row_sums.hpp
 
-// Leaves each session out in turn, or poses or stretches of time if `rows` has one session, in at most five parts. The
+// Leaves each session out in turn, or poses or stretches of time if the rows have one session, in at most five parts. The
 // matrix and the correction are both fitted to the other rows.
 // setup
-std::vector<HeldOutErrors> held_out_errors(const Rows& rows, const Scaled& scaled, const FeaturesOf& features_of,
-                                           std::span<const double> ridges);
+std::vector<HeldOutErrors> held_out_errors(const RowSums& sums, std::span<const double> ridges);
 
 // Returns true if ridge `column` lowers the error by 5 % and by more than chance: by two standard errors of the
 // differences, or of the ratios, over the blocks.

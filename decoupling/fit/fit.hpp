@@ -120,8 +120,8 @@ FitReport fit(const Labelled& labelled, const FitRequest& request);
 // ---- One function per method: it makes a calibration from `rows`, which have every channel and at least one label
 // of `components` each. It fills matrix, parameters, tables, zero and condition of `calibration`, whose model,
 // method, channels, components and domain are set. Held-out rows are not among `rows`: a method must not use
-// coefficients of another call, but may keep a width or a ridge that another call has stored in `calibration`. It may add
-// texts to `warnings`.
+// coefficients of another call, but may keep a ridge that another call has stored in `calibration`, and a width or centres,
+// which come from the channels alone. It may add texts to `warnings`.
 // setup: throws Undetermined
 using Rows = std::vector<const LabelledRow*>;
 using FitModel = void (*)(const Rows& rows, Calibration& calibration, std::vector<std::string>& warnings);

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <optional>
 
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/labels.hpp"
@@ -67,21 +68,23 @@ void fit_affine(const Rows& rows, Calibration& calibration, std::vector<std::str
     Eigen::MatrixXd m(n_components, n_channels);
     Eigen::VectorXd b(n_components);
     calibration.condition = 0;
+    std::optional<AffineOf> of_all;
     for (Eigen::Index i = 0; i < n_components; ++i) {
         const std::size_t c = component_index(calibration.components[std::size_t(i)]);
         const Rows known = rows_with(rows, {c});
         if (Eigen::Index(known.size()) <= n_channels)
             throw Undetermined(fmt::format("{} rows with {} are too few", known.size(), label_column(c)));
-        const Eigen::MatrixXd x = channels_of(known);
         const Eigen::VectorXd y = labels_of(known, {c});
         if (!(y.minCoeff() < y.maxCoeff())) throw Undetermined(fmt::format("{} is always {} there", label_column(c), y[0]));
-        Affine affine = affine_fit(x, y);
+        // Components with a label in every row share the decomposition.
+        if (known.size() == rows.size() && !of_all) of_all.emplace(channels_of(rows));
+        Affine affine = known.size() == rows.size() ? of_all->fit(y) : affine_fit(channels_of(known), y);
         if (!affine.slope.dependent.empty())
             throw Undetermined(
                 fmt::format("the channels {} are a combination of each other (or constant) in the rows with {}: "
                             "leave one of them out with --channels",
                             names_of(affine.slope.dependent, calibration.channels), label_column(c)));
-        if (forget) forget_old_rows(x, y, *forget, affine);
+        if (forget) forget_old_rows(channels_of(known), y, *forget, affine);
         m.row(i) = affine.slope.coefficient.transpose();
         b[i] = affine.constant;
         calibration.condition = std::max(calibration.condition, affine.slope.condition);

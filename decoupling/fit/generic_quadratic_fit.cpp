@@ -7,7 +7,7 @@
 #include <array>
 #include <cmath>
 
-#include "decoupling/fit/corrections.hpp"
+#include "decoupling/fit/row_sums.hpp"
 #include "decoupling/solve/domain.hpp"
 
 namespace tactiled {
@@ -32,7 +32,7 @@ std::vector<std::size_t> ridges_of(const Rows& rows, const Scaled& scaled, const
         }
         return chosen;
     }
-    for (const HeldOutErrors& errors : held_out_errors(rows, scaled, quadratic_features, kRidges))
+    for (const HeldOutErrors& errors : held_out_errors(RowSums(rows, scaled, quadratic_features), kRidges))
         chosen.push_back(best_ridge(errors));
     return chosen;
 }

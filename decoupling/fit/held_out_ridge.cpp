@@ -3,92 +3,34 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
-#include "decoupling/fit/groups.hpp"
+#include "decoupling/fit/parallel.hpp"
+#include "decoupling/fit/row_sums.hpp"
 #include "decoupling/solve/dense.hpp"
 
 namespace tactiled {
 namespace {
 
-constexpr std::size_t kParts = 5, kBlocksPerPart = 5;
+constexpr Eigen::Index kBlocksPerPart = 5;
 constexpr double kWorth = 0.95, kStandardErrors = 2;
 constexpr double kTiny = 1e-13;  // keeps the Gram matrix of the channels definite
 
-// Returns the part in which each row is left out, 0 .. kParts - 1: as in the validation, in fewer parts. Copies of a row
-// with random zeros stay together.
-std::vector<std::size_t> parts_of(const Rows& rows) {
-    Labelled sessions;
-    Rows once;
-    for (const auto* row : rows) {
-        if (row->session >= sessions.sessions.size()) sessions.sessions.resize(row->session + 1);
-        if (once.empty() || row->line != once.back()->line) once.push_back(row);
-    }
-    const std::vector<std::size_t> group = ways_to_hold_out(sessions, once, false).front().of_row;
-    std::vector<std::size_t> known, part;
-    std::size_t at = 0;
-    for (const auto* row : rows) {
-        if (row->line != once[at]->line) ++at;
-        const auto found = std::find(known.begin(), known.end(), group[at]);
-        part.push_back(std::size_t(found - known.begin()) % kParts);
-        if (found == known.end()) known.push_back(group[at]);
-    }
-    if (known.size() < 2)  // rows without line numbers
-        for (std::size_t i = 0; i < rows.size(); ++i) part[i] = i * kParts / rows.size();
-    return part;
-}
-
-// The rows in the order of their parts.
-struct Sorted {
-    Eigen::MatrixXd u, y, known;  // `known`: 1 for a label, 0 for none
-    std::vector<Eigen::Index> begin;
-};
-
-Sorted sorted_by_part(const Rows& rows, const Scaled& scaled) {
-    const std::vector<std::size_t> part = parts_of(rows);
-    std::vector<std::size_t> order(rows.size());
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return part[a] < part[b]; });
-    const Eigen::MatrixXd y = units_left(scaled);
-    Eigen::MatrixXd known = Eigen::MatrixXd::Zero(y.rows(), y.cols());
-    for (std::size_t c = 0; c < scaled.component.size(); ++c)
-        for (const Eigen::Index i : scaled.component[c].rows) known(i, Eigen::Index(c)) = 1;
-    Sorted sorted{.u = Eigen::MatrixXd(scaled.u.rows(), scaled.u.cols()),
-                  .y = Eigen::MatrixXd(y.rows(), y.cols()),
-                  .known = Eigen::MatrixXd(y.rows(), y.cols()),
-                  .begin = {0}};
-    for (std::size_t i = 0; i < order.size(); ++i) {
-        if (i > 0 && part[order[i]] != part[order[i - 1]]) sorted.begin.push_back(Eigen::Index(i));
-        sorted.u.row(Eigen::Index(i)) = scaled.u.row(Eigen::Index(order[i]));
-        sorted.y.row(Eigen::Index(i)) = y.row(Eigen::Index(order[i]));
-        sorted.known.row(Eigen::Index(i)) = known.row(Eigen::Index(order[i]));
-    }
-    sorted.begin.push_back(Eigen::Index(order.size()));
-    return sorted;
-}
-
-struct Normal {
-    Eigen::MatrixXd gram, feature_y;
-};
-
 struct Solutions {
-    Eigen::MatrixXd linear;                   // features (1, u): the matrix
-    std::vector<Eigen::MatrixXd> correction;  // all features, one for each ridge
+    Eigen::MatrixXd linear;      // features (1, u): the matrix
+    Eigen::MatrixXd correction;  // all features; the components with the first ridge, with the second ...
 };
 
-Solutions solutions(const Normal& normal, Eigen::Index n_linear, double n_rows, std::span<const double> ridges) {
+Solutions solutions(const Normal& normal, Eigen::Index n_linear, std::span<const double> ridges) {
     Solutions result;
     Eigen::MatrixXd of_linear = normal.gram.topLeftCorner(n_linear, n_linear);
-    of_linear.diagonal().array() += kTiny * n_rows;
+    of_linear.diagonal().array() += kTiny * normal.rows;
     result.linear = dense::solve_by_llt(of_linear, normal.feature_y.topRows(n_linear));
     Eigen::MatrixXd linear = Eigen::MatrixXd::Zero(normal.gram.rows(), normal.feature_y.cols());
     linear.topRows(n_linear) = result.linear;
     const Eigen::MatrixXd left = normal.feature_y - normal.gram.selfadjointView<Eigen::Lower>() * linear;
-    for (const double ridge : ridges) {
-        Eigen::MatrixXd regular = normal.gram;
-        regular.diagonal().array() += ridge * n_rows;
-        result.correction.push_back(dense::solve_by_llt(regular, left));
-    }
+    result.correction.resize(left.rows(), left.cols() * Eigen::Index(ridges.size()));
+    for (std::size_t r = 0; r < ridges.size(); ++r)
+        result.correction.middleCols(Eigen::Index(r) * left.cols(), left.cols()) = normal.solve(left, ridges[r]);
     return result;
 }
 
@@ -106,54 +48,73 @@ Eigen::MatrixXd clamped(const Eigen::MatrixXd& u, Eigen::Index begin, Eigen::Ind
     return result;
 }
 
+// One part that is left out, with the solutions of the other rows.
+class Unseen {
+public:
+    Unseen(const RowSums& sums, const Eigen::MatrixXd& all_u, const Normal& others, std::size_t part,
+           std::span<const double> ridges)
+        : sums_(sums),
+          begin_(sums.begin()[part]),
+          end_(sums.begin()[part + 1]),
+          u_(all_u.middleRows(begin_, end_ - begin_)),
+          clamped_(clamped(all_u, begin_, end_)),
+          solved_(solutions(others, 1 + all_u.cols(), ridges)),
+          known_(sums.known_of(begin_, end_)),
+          left_((sums.y_of(begin_, end_) - u_ * solved_.linear.bottomRows(u_.cols())).rowwise() - solved_.linear.row(0)) {}
+
+    // Sets the errors of this part, kBlocksPerPart rows from `block` on, of each component.
+    void judge(Eigen::Index block, std::vector<HeldOutErrors>& errors) const {
+        for (Eigen::Index at = 0; at < left_.rows(); at += kChunk) {
+            const Eigen::Index n = std::min(kChunk, left_.rows() - at);
+            const Eigen::MatrixXd smooth = squares(u_, at, n);
+            const bool is_inside = u_.middleRows(at, n) == clamped_.middleRows(at, n);
+            const Eigen::MatrixXd as_read = is_inside ? smooth : squares(clamped_, at, n);
+            for (Eigen::Index i = 0; i < n; ++i) {
+                const Eigen::Index to = block + (at + i) * kBlocksPerPart / left_.rows();
+                for (Eigen::Index k = 0; k < smooth.cols(); ++k) {
+                    HeldOutErrors& of = errors[std::size_t(k % left_.cols())];
+                    of.smooth(to, k / left_.cols()) += smooth(i, k);
+                    of.as_read(to, k / left_.cols()) += as_read(i, k);
+                }
+            }
+        }
+    }
+
+private:
+    static constexpr Eigen::Index kChunk = 256;
+
+    // Returns the squared errors of the rows from `at` on: the components with each ridge, then without a correction.
+    [[nodiscard]] Eigen::MatrixXd squares(const Eigen::MatrixXd& u, Eigen::Index at, Eigen::Index n) const {
+        const Eigen::Index ridges = solved_.correction.cols() / left_.cols();
+        const Eigen::MatrixXd known = known_.middleRows(at, n), left = left_.middleRows(at, n);
+        Eigen::MatrixXd error = left.replicate(1, ridges + 1);
+        error.leftCols(solved_.correction.cols()) -= sums_.features_of(u.middleRows(at, n)) * solved_.correction;
+        return error.cwiseProduct(known.replicate(1, ridges + 1)).cwiseAbs2();
+    }
+
+    const RowSums& sums_;
+    Eigen::Index begin_, end_;
+    Eigen::MatrixXd u_, clamped_;
+    Solutions solved_;
+    Eigen::MatrixXd known_, left_;
+};
+
 }  // namespace
 
-std::vector<HeldOutErrors> held_out_errors(const Rows& rows, const Scaled& scaled, const FeaturesOf& features_of,
-                                           std::span<const double> ridges) {
-    const Sorted sorted = sorted_by_part(rows, scaled);
-    const std::size_t parts = sorted.begin.size() - 1;
-    const Eigen::Index n_features = features_of(sorted.u.topRows(1)).cols(), n_y = sorted.y.cols();
-    const Normal none{Eigen::MatrixXd::Zero(n_features, n_features), Eigen::MatrixXd::Zero(n_features, n_y)};
-    std::vector<Normal> of_part(parts, none);
-    Normal all = none;
-    for (std::size_t part = 0; part < parts; ++part) {
-        for_each_chunk(sorted.u, sorted.begin[part], sorted.begin[part + 1], features_of,
-                       [&](Eigen::Index at, const Eigen::MatrixXd& features) {
-                           of_part[part].gram.selfadjointView<Eigen::Lower>().rankUpdate(features.transpose());
-                           of_part[part].feature_y += features.transpose() * sorted.y.middleRows(at, features.rows());
-                       });
-        all.gram += of_part[part].gram;
-        all.feature_y += of_part[part].feature_y;
-    }
-    const auto columns = Eigen::Index(ridges.size()) + 1;
-    const BlockErrors zero = BlockErrors::Zero(Eigen::Index(parts * kBlocksPerPart), columns);
-    std::vector<HeldOutErrors> errors(std::size_t(n_y), HeldOutErrors{zero, zero});
-    for (std::size_t part = 0; part < parts; ++part) {
-        const Eigen::Index begin = sorted.begin[part], end = sorted.begin[part + 1];
-        const Normal others{all.gram - of_part[part].gram, all.feature_y - of_part[part].feature_y};
-        const Solutions solved = solutions(others, 1 + sorted.u.cols(), double(sorted.u.rows() - (end - begin)), ridges);
-        const Eigen::MatrixXd left = ((sorted.y.middleRows(begin, end - begin) -
-                                       sorted.u.middleRows(begin, end - begin) * solved.linear.bottomRows(sorted.u.cols()))
-                                          .rowwise() -
-                                      solved.linear.row(0));
-        const auto sum_up = [&](const Eigen::MatrixXd& u, BlockErrors HeldOutErrors::*kind) {
-            for_each_chunk(u, 0, end - begin, features_of, [&](Eigen::Index at, const Eigen::MatrixXd& features) {
-                for (Eigen::Index r = 0; r < columns; ++r) {
-                    Eigen::MatrixXd error = left.middleRows(at, features.rows());
-                    if (r + 1 < columns) error -= features * solved.correction[std::size_t(r)];
-                    const Eigen::MatrixXd squares =
-                        error.cwiseProduct(sorted.known.middleRows(begin + at, features.rows())).cwiseAbs2();
-                    for (Eigen::Index i = 0; i < squares.rows(); ++i) {
-                        const Eigen::Index block =
-                            (at + i) * Eigen::Index(kBlocksPerPart) / (end - begin) + Eigen::Index(part * kBlocksPerPart);
-                        for (Eigen::Index c = 0; c < n_y; ++c) (errors[std::size_t(c)].*kind)(block, r) += squares(i, c);
-                    }
-                }
-            });
-        };
-        sum_up(clamped(sorted.u, begin, end), &HeldOutErrors::as_read);
-        sum_up(sorted.u.middleRows(begin, end - begin), &HeldOutErrors::smooth);
-    }
+std::vector<HeldOutErrors> held_out_errors(const RowSums& sums, std::span<const double> ridges) {
+    const std::size_t parts = sums.begin().size() - 1;
+    std::vector<Normal> of_part;
+    for (std::size_t part = 0; part < parts; ++part) of_part.push_back(sums.of_part(part));
+    Normal all = of_part.front();
+    for (std::size_t part = 1; part < parts; ++part) all.add(of_part[part]);
+    const BlockErrors zero = BlockErrors::Zero(Eigen::Index(parts) * kBlocksPerPart, Eigen::Index(ridges.size()) + 1);
+    std::vector<HeldOutErrors> errors(std::size_t(all.feature_y.cols()), HeldOutErrors{zero, zero});
+    const Eigen::MatrixXd u = sums.u_of(0, sums.begin().back());
+    in_parallel(parts, [&](std::size_t part) {
+        Normal others = all;
+        others.add(of_part[part], -1);
+        Unseen(sums, u, others, part, ridges).judge(Eigen::Index(part) * kBlocksPerPart, errors);
+    });
     return errors;
 }
 

@@ -21,41 +21,45 @@ Eigen::RowVectorXd means(const Eigen::MatrixXd& x) {
 
 }  // namespace
 
-LeastSquares least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& y) {
-    LeastSquares result;
-    const Eigen::RowVectorXd length = a.colwise().norm();
+LeastSquaresOf::LeastSquaresOf(const Eigen::MatrixXd& a) : length_(a.colwise().norm()) {
     for (Eigen::Index k = 0; k < a.cols(); ++k)
-        if (!(length[k] > 0) || !std::isfinite(length[k])) result.dependent.push_back(std::size_t(k));
-    if (!result.dependent.empty()) {
-        result.condition = std::numeric_limits<double>::infinity();
-        return result;
+        if (!(length_[k] > 0) || !std::isfinite(length_[k])) known_.dependent.push_back(std::size_t(k));
+    if (!known_.dependent.empty()) {
+        known_.condition = std::numeric_limits<double>::infinity();
+        return;
     }
-    const Eigen::MatrixXd scaled = a.array().rowwise() / length.array();
-    const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(scaled);
+    const Eigen::MatrixXd scaled = a.array().rowwise() / length_.array();
+    qr_.compute(scaled);
     // The singular values of the small R are those of the tall matrix.
     const Eigen::Index n = a.cols();
     Eigen::MatrixXd r = Eigen::MatrixXd::Zero(n, n);
-    r.topRows(std::min(n, a.rows())) = qr.matrixR().topRows(std::min(n, a.rows())).template triangularView<Eigen::Upper>();
-    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(r * qr.colsPermutation().transpose(), Eigen::ComputeFullV);
+    r.topRows(std::min(n, a.rows())) = qr_.matrixR().topRows(std::min(n, a.rows())).template triangularView<Eigen::Upper>();
+    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(r * qr_.colsPermutation().transpose(), Eigen::ComputeFullV);
     const double greatest = svd.singularValues()[0], min = svd.singularValues()[n - 1];
-    result.condition = min > 0 ? greatest / min : std::numeric_limits<double>::infinity();
-    if (min <= kNothing * greatest) {
+    known_.condition = min > 0 ? greatest / min : std::numeric_limits<double>::infinity();
+    if (min <= kNothing * greatest)
         for (Eigen::Index k = 0; k < n; ++k)
-            if (std::abs(svd.matrixV()(k, n - 1)) > kPart) result.dependent.push_back(std::size_t(k));
-        return result;
-    }
-    result.coefficient = qr.solve(y).array() / length.transpose().array();
+            if (std::abs(svd.matrixV()(k, n - 1)) > kPart) known_.dependent.push_back(std::size_t(k));
+}
+
+LeastSquares LeastSquaresOf::solve(const Eigen::VectorXd& y) const {
+    LeastSquares result = known_;
+    if (result.dependent.empty()) result.coefficient = qr_.solve(y).array() / length_.transpose().array();
     return result;
 }
 
-Affine affine_fit(const Eigen::MatrixXd& x, const Eigen::VectorXd& y) {
-    Affine result;
-    result.centre = means(x);
+LeastSquares least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& y) { return LeastSquaresOf(a).solve(y); }
+
+AffineOf::AffineOf(const Eigen::MatrixXd& x) : centre_(means(x)), slope_(x.rowwise() - centre_) {}
+
+Affine AffineOf::fit(const Eigen::VectorXd& y) const {
     const double y_mean = means(y)[0];
-    result.slope = least_squares(x.rowwise() - result.centre, y.array() - y_mean);
-    if (result.slope.dependent.empty()) result.constant = y_mean - result.centre.dot(result.slope.coefficient);
+    Affine result{.slope = slope_.solve(y.array() - y_mean), .centre = centre_, .constant = 0};
+    if (result.slope.dependent.empty()) result.constant = y_mean - centre_.dot(result.slope.coefficient);
     return result;
 }
+
+Affine affine_fit(const Eigen::MatrixXd& x, const Eigen::VectorXd& y) { return AffineOf(x).fit(y); }
 
 double median(std::vector<double> values) {
     if (values.empty()) return std::numeric_limits<double>::quiet_NaN();

@@ -20,15 +20,34 @@ struct LeastSquares {
     std::vector<std::size_t> dependent;  // columns that are linearly dependent
 };
 
-// Returns the x that minimises |a x - y|. Each column is scaled to length 1, then QR with column pivoting is used,
-// not the normal equations, which square the condition number. A column of zeros counts as dependent.
+// Finds the x that minimises |a x - y|, for any number of y. Each column is scaled to length 1, then QR with column pivoting
+// is used, not the normal equations, which square the condition number. A column of zeros counts as dependent.
+class LeastSquaresOf {
+public:
+    explicit LeastSquaresOf(const Eigen::MatrixXd& a);
+    [[nodiscard]] LeastSquares solve(const Eigen::VectorXd& y) const;
+
+private:
+    Eigen::RowVectorXd length_;
+    Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr_;
+    LeastSquares known_;  // without its coefficients
+};
 LeastSquares least_squares(const Eigen::MatrixXd& a, const Eigen::VectorXd& y);
 
-// y = constant + x . coefficient, by least_squares() of the columns minus their means. `centre` are those means.
+// y = constant + x . coefficient, by least squares of the columns minus their means. `centre` are those means.
 struct Affine {
     LeastSquares slope;
     Eigen::RowVectorXd centre;
     double constant = 0;
+};
+class AffineOf {
+public:
+    explicit AffineOf(const Eigen::MatrixXd& x);
+    [[nodiscard]] Affine fit(const Eigen::VectorXd& y) const;
+
+private:
+    Eigen::RowVectorXd centre_;
+    LeastSquaresOf slope_;
 };
 Affine affine_fit(const Eigen::MatrixXd& x, const Eigen::VectorXd& y);
 

@@ -140,9 +140,9 @@ HeldOutDistances held_out(const Seen& seen, Eigen::Index m, bool with_products) 
 double limit_of(std::vector<double> held_out, Eigen::Index n) {
     // 99.9 % quantile of chi-square with n degrees of freedom (Wilson and Hilferty, 1931)
     const double w = 2 / (9 * double(n)), noise = std::sqrt(double(n) * std::pow(1 - w + kTail_sd * std::sqrt(w), 3));
-    std::sort(held_out.begin(), held_out.end());
-    const auto at = std::size_t(std::ceil(kQuantile * double(held_out.size()))) - 1;
-    return std::max(noise, kMargin * held_out[at]);
+    const auto at = held_out.begin() + std::ptrdiff_t(std::ceil(kQuantile * double(held_out.size()))) - 1;
+    std::nth_element(held_out.begin(), at, held_out.end());
+    return std::max(noise, kMargin * *at);
 }
 
 // Returns the share of the rows beyond limits from the other groups alone.

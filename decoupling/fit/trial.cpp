@@ -91,7 +91,8 @@ void validate_once(const Labelled& labelled, const Rows& rows, const ZeroDrift& 
     if (method.remembers) set_domain(rows, start);
     std::vector<Validation> ways = hold_out_all_ways({labelled, rows, method, start, drift}, trial.ways, trial.warnings);
     if (ways.empty()) ways.emplace_back();
-    for (Validation& way : ways) way.at_rest = errors_at_rest(calibration, rows);
+    const auto at_rest = errors_at_rest(calibration, rows);
+    for (Validation& way : ways) way.at_rest = at_rest;
     trial.validation = ways.front();
     calibration.validation = trial.validation.how;
     set_uncertainty(trial.validation, calibration, !method.remembers);
@@ -165,7 +166,6 @@ void validate(const Labelled& labelled, const Rows& rows, const ZeroDrift& drift
             trial.warnings.push_back(std::move(kept));
             validate_once(labelled, rows, drift, report, trial);
         }
-    const Wrench own = rms_error(calibration, rows);
     for (const auto& component : report.components)
         trial.about.held_out_rms.push_back(trial.validation.rms[component_index(component.name)]);
     const auto known = [](double rms) { return std::isfinite(rms); };
@@ -175,7 +175,7 @@ void validate(const Labelled& labelled, const Rows& rows, const ZeroDrift& drift
         // The parts may gain where the calibration of all rows does not.
         Calibration part = calibration;
         part.method = method.adds_to;
-        const Wrench of_part = rms_error(part, rows);
+        const Wrench own = rms_error(calibration, rows), of_part = rms_error(part, rows);
         bool gains = false;
         for (const auto& component : report.components) {
             const std::size_t c = component_index(component.name);

@@ -5,15 +5,13 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
-#include <exception>
 #include <map>
-#include <mutex>
 #include <random>
-#include <thread>
 #include <utility>
 
 #include "decoupling/fit/groups.hpp"
 #include "decoupling/fit/labels.hpp"
+#include "decoupling/fit/parallel.hpp"
 #include "decoupling/solve/domain.hpp"
 #include "decoupling/unloading.hpp"
 
@@ -148,27 +146,12 @@ Part hold_out_group(const FitToValidate& of, const Groups& groups, std::size_t g
 // Holds out all groups, on all processors.
 std::vector<Part> hold_out_groups(const FitToValidate& of, const Groups& groups) {
     std::vector<Part> parts(groups.names.size());
-    std::atomic<std::size_t> next{0};
-    std::exception_ptr failed;
-    std::mutex one;
-    const auto work = [&] {
-        for (std::size_t group; (group = next++) < parts.size();) {
-            try {
-                parts[group] = hold_out_group(of, groups, group);
-            } catch (...) {
-                const std::lock_guard lock(one);
-                failed = std::current_exception();
-                return;
-            }
-            if (!parts[group].refused.empty()) next = parts.size();  // the others are not needed
-        }
-    };
-    std::vector<std::thread> others;
-    for (unsigned i = 1; i < std::min<std::size_t>(std::thread::hardware_concurrency(), parts.size()); ++i)
-        others.emplace_back(work);
-    work();
-    for (auto& thread : others) thread.join();
-    if (failed) std::rethrow_exception(failed);
+    std::atomic<bool> refused{false};  // then the other groups are not needed
+    in_parallel(parts.size(), [&](std::size_t group) {
+        if (refused) return;
+        parts[group] = hold_out_group(of, groups, group);
+        if (!parts[group].refused.empty()) refused = true;
+    });
     return parts;
 }
 

@@ -8,10 +8,10 @@
 #include <functional>
 #include <random>
 
-#include "decoupling/fit/corrections.hpp"
 #include "decoupling/fit/fit.hpp"
 #include "decoupling/fit/least_squares.hpp"
 #include "decoupling/fit/recursive.hpp"
+#include "decoupling/fit/row_sums.hpp"
 #include "tests/stability/hard_case.hpp"
 #include "tests/stability/methods.hpp"
 
@@ -102,6 +102,12 @@ void add_least_squares(Cases& cases) {
                  exact_least_squares(with_one, label)[1], 2, 16});
 }
 
+Normal normal_of(const Eigen::MatrixXd& features) {
+    Normal normal(features.cols(), 0);
+    normal.add(features, Eigen::MatrixXd(features.rows(), 0));
+    return normal;
+}
+
 void add_kernels(Cases& cases) {
     // H15, H37: 12 kernels with a spread of 50 on [0, 1], and every row twice: a Gram matrix of condition 1e30. With
     // a ridge its condition is 1 / ridge; the predictions are compared, as the weights themselves are not used.
@@ -118,7 +124,7 @@ void add_kernels(Cases& cases) {
     for (Eigen::Index j = 0; j < n; ++j) at[j] = kernel(0.4567, double(j) / double(n - 1));
     const double ridge = 1e-7;
     const Eigen::VectorXd right = features.transpose() * y;
-    const double ours = at.dot(Ridge(features).solve(right, ridge).col(0));
+    const double ours = at.dot(normal_of(features).solve(right, ridge).col(0));
     RealMatrix gram = features.cast<Real>().transpose() * features.cast<Real>();
     gram.diagonal().array() += Real(ridge) * Real(2.0 * double(n));
     const RealVector exact_right = features.cast<Real>().transpose() * y.cast<Real>();
@@ -145,7 +151,7 @@ void add_kernels(Cases& cases) {
     const Eigen::Vector2d s = Eigen::JacobiSVD<Eigen::MatrixXd>(asked).singularValues();
     const double kappa = s[0] * s[0] / (s[1] * s[1]);
     cases.value("H37", "the same kernel twice: a prediction",
-                {there.dot(naive), there.dot(Ridge(twice).solve(twice_right, 1e-9).col(0)), v[0] + v[1], kappa, 64});
+                {there.dot(naive), there.dot(normal_of(twice).solve(twice_right, 1e-9).col(0)), v[0] + v[1], kappa, 64});
 }
 
 // The covariance form that every textbook prints.

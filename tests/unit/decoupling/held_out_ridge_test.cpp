@@ -1,5 +1,5 @@
 // The errors of ridges on rows that are left out, beside a direct computation; which ridge is taken.
-#include "decoupling/fit/corrections.hpp"
+#include "decoupling/fit/row_sums.hpp"
 
 #include <gtest/gtest.h>
 
@@ -99,7 +99,7 @@ void expect_near(const HeldOutErrors& errors, const Recording& made, std::size_t
 
 TEST(HeldOutRidge, EachSessionIsJudgedByTheOthersAlone) {
     const Recording made(4);
-    const auto errors = held_out_errors(made.pointers, made.scaled, quadratic_features, kRidges);
+    const auto errors = held_out_errors(RowSums(made.pointers, made.scaled, quadratic_features), kRidges);
     ASSERT_EQ(errors.size(), 1u);
     expect_near(errors.front(), made, 4);
     // The last session is beyond the others, so that it differs.
@@ -109,7 +109,7 @@ TEST(HeldOutRidge, EachSessionIsJudgedByTheOthersAlone) {
 
 TEST(HeldOutRidge, CopiesOfARowAreLeftOutTogether) {
     const Recording made(4, 3);
-    expect_near(held_out_errors(made.pointers, made.scaled, quadratic_features, kRidges).front(), made, 4);
+    expect_near(held_out_errors(RowSums(made.pointers, made.scaled, quadratic_features), kRidges).front(), made, 4);
 }
 
 // ---- which ridge is taken
