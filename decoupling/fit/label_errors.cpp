@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 
 #include "decoupling/fit/labels.hpp"
@@ -25,10 +26,8 @@ constexpr std::size_t kInTime = 3, kInTimeOfSize = 10, kInChannels = 7, kInChann
 constexpr std::size_t kMaxCandidates = 2'000;  // loads among which the nearest are searched, evenly over the recording
 constexpr double kSmallest = 0.25;             // size of the errors around a load, relative to that of all
 
-constexpr double kPi = 3.14159265358979;
-
 double log_student(double z, double degrees) {
-    return std::lgamma((degrees + 1) / 2) - std::lgamma(degrees / 2) - 0.5 * std::log(degrees * kPi) -
+    return std::lgamma((degrees + 1) / 2) - std::lgamma(degrees / 2) - 0.5 * std::log(degrees * std::numbers::pi) -
            (degrees + 1) / 2 * std::log1p(z * z / degrees);
 }
 

@@ -22,7 +22,6 @@ constexpr Cause kCauses[] = {
     {"no sensor is as good as that", ""},
     {"is no smaller than the spread", "See the loads of that axis, or leave the label out"},
     {"contradict", ""},
-    {"of session \"", ""},
     {"labels are in ", "Correct the unit in the column's name: fz_mN, fz_g, mx_Nmm"},
     {"are the moments in Nmm", "Correct the unit in the column's name"},
     {"is fz_N in another unit", ""},
@@ -52,7 +51,6 @@ constexpr Cause kCauses[] = {
     {"one session only", "Record a second session after mounting the sensor again"},
     {"validated by loads", ""},
     {"hysteresis is not in the error", ""},
-    {"disagree with method", ""},
     {"do not determine all terms", ""},
     {"assumed", "State them with --set, or record such loads"},
     // Something was left out.

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <functional>
 #include <limits>
+#include <numbers>
 #include <random>
 
 #include "decoupling/piezo/charge.hpp"
@@ -14,7 +15,6 @@
 namespace tactiled {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kWindow_s = 0.1;
 
 // The thesis, eq. XXXIII and XXXV; the time constants are assumed.
@@ -78,7 +78,7 @@ struct Response {
 // second, valid from its end on. `tau_true` may differ from the calibration. 1 kHz.
 Response response(double f, double tau_s, double tau_true) {
     const auto decoupler = make_decoupler(linear_calibration(tau_s));
-    const double w = 2 * kPi * f, rate = 1000;
+    const double w = 2 * std::numbers::pi * f, rate = 1000;
     const Complex high_pass = Complex(0, w * tau_true) / Complex(1, w * tau_true);
     // A period that does not lock to the 10 Hz conversions; the start decays for 20 time constants.
     const int settle = int(20 * std::max(tau_s, 1.0) * rate);
@@ -102,7 +102,7 @@ Response response(double f, double tau_s, double tau_true) {
     return {sums[0], sums[1], sums[2]};
 }
 
-double phase_deg(Complex z) { return std::arg(z) * 180 / kPi; }
+double phase_deg(Complex z) { return std::arg(z) * 180 / std::numbers::pi; }
 
 TEST(Piezo, FusedGainIsOneAndPhaseIsZeroFromATenthTo100Hz) {
     std::printf(
@@ -225,7 +225,7 @@ TEST(Piezo, ASmallDifferenceOfTheChannelsIsInTheStandardDeviation) {
 
 TEST(Piezo, FramesMayComeUnevenly) {
     const auto decoupler = make_decoupler(linear_calibration(1.0));
-    const double w = 2 * kPi * 3.3, tau = 1;
+    const double w = 2 * std::numbers::pi * 3.3, tau = 1;
     const Complex high_pass = Complex(0, w * tau) / Complex(1, w * tau);
     std::mt19937 random(11);
     std::uniform_real_distribution<double> step_s(1e-4, 5e-3);
