@@ -146,7 +146,7 @@ double log_size(const std::vector<Error>& errors, const Shape& shape) {
     return sum / double(errors.size());
 }
 
-// Which errors a scale is valid for, besides all and those under load.
+// Errors for which a scale is valid, besides all and those under load.
 struct Validity {
     bool worst_session, quarters;
 };

@@ -27,8 +27,8 @@ struct Neighbours {
 };
 Neighbours neighbours_of(const std::vector<Load>& loads);
 
-// Returns the probability of each label to be wrong: [load][component of a wrench], NaN without a label. `full_scale`: of the
-// labels of each component, 0 for those without. setup
+// Returns the probability of each label to be wrong: [load][component of a wrench], NaN without a label. `full_scale`: of
+// the labels of each component, 0 for those without. setup
 std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale);
 
 // ---- The mixture of one component, for tests ----
@@ -36,8 +36,8 @@ std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbour
 struct ErrorMixture {
     double sd = 0;              // scale of Student's distribution for a size of 1
     double follows = 0;         // the scale of an error is sd * size^follows
-    double degrees = 0;         // of freedom
-    double share = 0;           // of wrong labels
+    double degrees = 0;         // degrees of freedom
+    double share = 0;           // share of wrong labels
     std::vector<double> wrong;  // probability of each
 };
 

@@ -16,16 +16,16 @@ namespace tactiled {
 
 // Channels in channel_unit, loads in N or Nm.
 struct MixedEffects {
-    Rows rows;                            // those that have all labels of the recording
-    std::vector<std::size_t> components;  // of the labels, as indices in a wrench
-    std::vector<std::size_t> session;     // of each row: a number among those that occur
-    std::vector<std::size_t> index;       // of each of these numbers in Labelled::sessions
+    Rows rows;                            // rows that have all labels of the recording
+    std::vector<std::size_t> components;  // indices of the labels in a wrench
+    std::vector<std::size_t> session;     // number of each row's session among those that occur
+    std::vector<std::size_t> index;       // index of each of these numbers in Labelled::sessions
     Eigen::MatrixXd gain;                 // component x channel
     Eigen::RowVectorXd zero;              // mean over the sessions
     Eigen::MatrixXd session_zero;         // session x channel, about this mean
     Eigen::RowVectorXd zero_sd;           // between sessions, without the scatter of the estimates; of two or more
     Eigen::MatrixXd own_sd;               // session x channel: of the estimate
-    std::vector<bool> agrees;             // of each row: false if no zero explains it, as with a mistyped load
+    std::vector<bool> agrees;             // false for a row that no zero explains, as with a mistyped load
     Eigen::MatrixXd unloaded;             // row x channel: the readings minus zero and loads, with the session's zero
 };
 
@@ -46,7 +46,7 @@ struct OneFit {
     std::vector<double> session_zero;  // about 0
     double noise = 0, bend = 0;        // sd of e at rest, and its growth at full scale
     double between = 0;                // sd between sessions
-    double cost = 0;                   // of the last solution
+    double cost = 0;                   // cost of the last solution
 };
 // `start`: values of all unknowns in place of the convex fit, zeros of the sessions last; empty: none.
 OneFit fit_one_channel(const OneChannel& channel, const std::vector<double>& start = {});

@@ -14,8 +14,8 @@ struct LabelsJudged {
 };
 
 // Fits `rows` and names the labels that are more likely wrong than right (label_errors.hpp), of an error that matters. Rows
-// of one load are judged together. Those that are surely wrong are left out, except at the end of the range, where a bend of
-// the sensor has the same effect. `refit` fits rows.
+// of one load are judged together. Labels that are surely wrong are left out, except at the end of the range, where a bend
+// of the sensor has the same effect. `refit` fits rows.
 // setup: throws what `refit` throws
 using Refit = std::function<Calibration(const Rows&)>;
 LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep);

@@ -38,7 +38,8 @@ Temperature take_temperature_off(const Rows& rows, Labelled& labelled, const Cal
 // ---- session_zeros.cpp: the zeros of the channels in each session, which change when a sensor is mounted again ----
 
 // Determines the zero of each session (mixed_effects.hpp), and their scatter. A session has its own zero if that reduces the
-// error of an affine map on left-out sessions to less than 0.7. A left-out session keeps its own zero, as after a tare. setup
+// error of an affine map on left-out sessions to less than 0.7. A left-out session keeps its own zero, as after a tare.
+// setup
 SessionZeros session_zeros(const Labelled& labelled, const Rows& rows, FitRequest::Zeros requested);
 
 // Subtracts the offset of the session from each channel. Sessions without rows are unchanged.
@@ -57,6 +58,7 @@ void say_zeros(const Labelled& labelled, const SessionZeros& zeros, const Calibr
 // Sets zero_rate_per_h of a calibration with its sd, if the channels move more in half a session than noise and loads
 // explain, by a force of more than the sd in an hour; and zero_shift, if five sessions or more have zeros. Returns true if a
 // session is long enough to show a drift. setup
-bool set_zero_age(const Labelled& labelled, const Rows& rows, const SessionZeros& zeros, Calibration& calibration, std::vector<std::string>& warnings);
+bool set_zero_age(const Labelled& labelled, const Rows& rows, const SessionZeros& zeros, Calibration& calibration,
+                  std::vector<std::string>& warnings);
 
 }  // namespace tactiled

@@ -1,4 +1,4 @@
-// What the user reads of sessions that contradict each other: which, why it may be, and how to go on.
+// Messages on sessions that contradict each other: which, why it may be, and how to go on.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 

@@ -16,7 +16,7 @@ namespace {
 // plus one for each other session.
 constexpr double kGainsDiffer = 0.03, kCountsAs = 10;
 constexpr double kTiny = 1e-9;                    // relative to the variance of a channel: keeps covariances definite
-constexpr Eigen::Index kParts = 5;                // of the time of a session
+constexpr Eigen::Index kParts = 5;                // parts of the time of a session
 constexpr double kLevel = 1e-3;                   // probability of a contradiction in a recording without one
 constexpr double kLower = 0.67, kExplains = 0.5;  // errors with a correction over those without, and over the spread
 // An exchange is all or nothing: three sd of what other gains do are enough for it.
@@ -64,7 +64,7 @@ double predicted_variance(const Eigen::VectorXd& line, const SessionMoments& ses
     return std::max(0.0, line.dot(session.xx * line));
 }
 
-// Those of `all` without `one` that have this component.
+// Returns the sessions of `all` without `one` that have this component.
 std::vector<std::size_t> others_of(const Moments& moments, const std::vector<std::size_t>& all, std::size_t one) {
     std::vector<std::size_t> others;
     std::copy_if(all.begin(), all.end(), std::back_inserter(others),
@@ -356,7 +356,7 @@ std::optional<Contradiction> contradiction(const Sessions& sessions, const std::
     if (exchange && best_exchange(back) == std::pair(Eigen::Index(exchange->a), Eigen::Index(exchange->b)) &&
         (!best || exchange->left < best->left))
         best = exchange;
-    if (!best) best = both_ways(as_turn);  // which has more freedom
+    if (!best) best = both_ways(as_turn);  // a turn has more freedom
     return best ? best : both_ways(as_other_sensor);
 }
 
@@ -371,7 +371,7 @@ SessionVerdict contradicting(const Sessions& sessions) {
     for (const std::size_t s : verdict.compared)
         if (contradiction(sessions, agree, s)) verdict.odd.push_back(s);
     if (2 * verdict.odd.size() < verdict.compared.size()) return verdict;
-    // Of two sessions, or without a majority, none is named alone.
+    // Neither of two sessions is named alone, and none without a majority.
     const std::size_t odd = verdict.odd.front();
     const auto other = std::find_if(agree.begin(), agree.end(), [&](std::size_t s) { return s != odd; });
     verdict.odd.clear();

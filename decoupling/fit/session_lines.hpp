@@ -11,20 +11,20 @@ namespace tactiled {
 
 // The rows of a session that have one label, in numbers that suffice for straight lines: covariances.
 struct SessionMoments {
-    Eigen::MatrixXd xx;  // of the channels
-    Eigen::VectorXd xy;  // of the channels with the label
+    Eigen::MatrixXd xx;  // variances and covariances of the channels
+    Eigen::VectorXd xy;  // covariances of the channels with the label
     double yy = 0;       // variance of the label
     double rows = 0;
     std::vector<SessionMoments> parts;  // fifths of its time
 };
 
-// What the lines of some sessions say of another one. Errors are relative to the spread of the labels, which is the largest
-// of: those of the session, those predicted for it, and those of a usual session.
+// The lines of some sessions compared with the labels of another one. Errors are relative to the spread of the labels, which
+// is the largest of: those of the session, those predicted for it, and those of a usual session.
 struct Prediction {
     Eigen::VectorXd line, own, common;  // label per channel: of the others, of the session, of all of them together
     double error = 0;                   // root mean square of the others' line in the session, whatever the zero
-    double gains = 0;                   // what other gains of the channels do to it: sd
-    double limit = 0;                   // what these, and loads that are not known, do to it
+    double gains = 0;                   // sd of the error that other gains of the channels make
+    double limit = 0;                   // error that these, and loads that are not known, explain
     double spread = 0;                  // N or Nm
 };
 
@@ -41,20 +41,21 @@ struct Sessions {
 };
 Sessions sessions_of(const std::vector<Rows>& of_session);
 
-// What a session says against the others, if their line is not right for it.
+// The reason why the line of the others is not right for a session.
 struct Contradiction {
     // factor: of the labels of a component; exchange: of two channels; turn: labels of a component belong to other axes, or
     // have the other sign; unknown: no line serves both. The correction, or a line of its own, lowers the error by a third
     // in each fifth of the session, and the error is beyond what other gains do.
     enum class Cause { unknown, factor, exchange, turn } cause = Cause::unknown;
     std::size_t component = 0;  // in Sessions::component
-    Prediction prediction;      // of this component
+    Prediction prediction;      // prediction of this component
     double factor = 1;
     std::size_t a = 0, b = 0;  // channels
     double left = 0;           // error with the correction, relative to the spread of the session's labels
 };
 
-// Compares a session with the line of others, which have loads like its own. Nothing: it agrees, or cannot be compared.
+// Compares a session with the line of others, which have loads like its own. Returns nothing if it agrees, or cannot be
+// compared.
 std::optional<Contradiction> contradiction(const Sessions& sessions, const std::vector<std::size_t>& by,
                                            std::size_t session);
 
@@ -62,7 +63,7 @@ std::optional<Contradiction> contradiction(const Sessions& sessions, const std::
 struct SessionVerdict {
     std::vector<std::size_t> compared;  // in order
     std::vector<std::size_t> odd;       // in order, fewer than half of those compared; empty: none, or no minority
-    std::optional<std::pair<std::size_t, std::size_t>> pair;  // where there is no minority: two of them that contradict
+    std::optional<std::pair<std::size_t, std::size_t>> pair;  // two that contradict each other, without a minority
 };
 
 // Compares each session with the line of all others that agree with each other. Level: one false contradiction in 1000

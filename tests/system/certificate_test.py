@@ -138,7 +138,7 @@ class Certificates(unittest.TestCase):
         self.assertAlmostEqual(large, math.hypot(small, of_reference), delta=0.01 * large)
 
     def test_the_figures_are_those_of_the_sensor(self):
-        _, figures = self.certify(self.made(), *REFERENCE)
+        _, figures = self.certify(self.made(), *REFERENCE, "--one-zero")  # zeros of its own make the channels nearly alike
         for (load, value), creep in zip(figures["fz.creep"], self.creep, strict=True):
             self.assertAlmostEqual(value, abs(creep) / FULL_N, delta=0.001, msg=f"creep at {load} N")
         middle = [value * abs(load) / FULL_N for load, value in figures["fz.reversibility"] if 3 < -load < 7]

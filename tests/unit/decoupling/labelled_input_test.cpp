@@ -105,8 +105,7 @@ TEST(Input, SessionsThatContradictEachOtherAreNamed) {
     const Labelled moved = changed([](auto& channel) {
         for (double& x : channel) x += 3;
     });
-    for (const Labelled& other : {labelled, moved})
-        EXPECT_FALSE(warns(fit(other, by("matrix")), "contradict"));
+    for (const Labelled& other : {labelled, moved}) EXPECT_FALSE(warns(fit(other, by("matrix")), "contradict"));
 }
 
 TEST(Input, LateLabelsAreNamedWithTheirDelay) {
