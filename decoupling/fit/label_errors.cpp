@@ -18,7 +18,6 @@ constexpr double kDegrees[] = {2, 4, 8, 30}, kFollows[] = {0, 0.5, 1};
 // well.
 constexpr double kLeastShare = 0.01, kMostShare = 0.05;
 constexpr int kRounds = 25, kRoundsOfShared = 2;
-constexpr double kShared = 0.5;     // share of an error that remains
 constexpr double kLeastOwn = 1e-6;  // variance of an error that the other components do not share: keeps it above rounding
 constexpr std::size_t kEnough = 4000;  // loads that determine a mixture
 // Loads before and after, and nearest loads: those that share an error, and those that show its size.
@@ -137,13 +136,6 @@ void take_shared_off(const Neighbours& neighbours, const ErrorMixture& mixture, 
     const Eigen::VectorXd explained = shared * dense::least_norm_of_one(weighted, error).cwiseMax(0).cwiseMin(1);
     for (Eigen::Index i = 0; i < n; ++i)
         of.own[known.index[std::size_t(i)]] = of.error[known.index[std::size_t(i)]] - explained[i];
-}
-
-// Labels whose error the neighbours of either kind share are right: most of the error goes if theirs is subtracted.
-bool is_shared(const OneComponent& of, const Neighbours& neighbours, std::size_t l) {
-    const double in_time = median_around(of.error, neighbours.in_time[l], 2 * kInTime, 0);
-    const double alike = median_around(of.error, neighbours.in_channels[l], kInChannels, 0);
-    return std::min(std::abs(of.error[l] - in_time), std::abs(of.error[l] - alike)) < kShared * std::abs(of.error[l]);
 }
 
 // The errors of one component in their scale; NaN without a label.
@@ -294,7 +286,6 @@ Neighbours neighbours_of(const std::vector<Load>& loads) {
 std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale) {
     std::vector<Wrench> wrong(loads.size(), kUnseen);
     std::vector<Standardised> all;
-    std::vector<OneComponent> errors;
     for (std::size_t c = 0; c < full_scale.size(); ++c) {
         if (!(full_scale[c] > 0)) continue;
         OneComponent of{.error = {},
@@ -315,12 +306,8 @@ std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbour
             one.z[Eigen::Index(l)] = of.own[l] / scale_at(mixture, of.size[l]);
             if (std::isfinite(of.own[l])) wrong[l][c] = of.wrong[l];
         }
-        errors.push_back(std::move(of));
     }
     if (all.size() > 1) judge_together(all, wrong);
-    for (std::size_t i = 0; i < all.size(); ++i)
-        for (std::size_t l = 0; l < loads.size(); ++l)
-            if (is_shared(errors[i], neighbours, l)) wrong[l][all[i].component] = 0;
     return wrong;
 }
 

@@ -100,5 +100,38 @@ TEST(SessionPairs, WithAnAxisThatIsHardlyLoadedDoNotDisagree) {
     }
 }
 
+// A skin that is pressed at a few places, other ones in each session: the line of one session is wrong for the places of the
+// other, and yet one line serves both.
+TEST(SessionPairs, AtOtherPlacesDoNotDisagree) {
+    for (unsigned seed = 1; seed <= 60; ++seed) {
+        std::mt19937_64 random(seed);
+        std::uniform_real_distribution<double> uniform(-1, 1);
+        std::normal_distribution<double> normal(0, 1);
+        double place[8][2];
+        for (auto& each : place) each[0] = uniform(random), each[1] = uniform(random);
+        const auto session = [&] {
+            std::vector<LabelledRow> rows;
+            double gain[8];
+            for (double& each : gain) each = 1 + 0.03 * normal(random);
+            for (int poke = 0; poke < 15; ++poke) {
+                const double x = uniform(random), y = uniform(random);
+                for (int i = 0; i < 20; ++i) {
+                    const double press = (1 - std::cos(0.3 * i)) / 2;
+                    LabelledRow row{.line = poke * 20 + i + 2, .channel = {}, .wrench_S = kUnseen};
+                    row.wrench_S[2] = -press, row.wrench_S[3] = -press * y, row.wrench_S[4] = press * x;
+                    for (int k = 0; k < 8; ++k)
+                        row.channel.push_back(gain[k] * press *
+                                                  std::exp(-(std::pow(x - place[k][0], 2) + std::pow(y - place[k][1], 2))) +
+                                              0.003 * normal(random));
+                    rows.push_back(std::move(row));
+                }
+            }
+            return rows;
+        };
+        const std::vector<LabelledRow> one = session();
+        EXPECT_FALSE(contradict(one, session())) << seed;
+    }
+}
+
 }  // namespace
 }  // namespace tactiled
