@@ -5,6 +5,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "decoupling/fit/groups.hpp"
 #include "decoupling/fit/labels.hpp"
 #include "decoupling/fit/least_squares.hpp"
 #include "decoupling/solve/dense.hpp"
@@ -18,6 +19,7 @@ constexpr double kDegrees[] = {2, 4, 8, 30}, kFollows[] = {0, 0.5, 1};
 // well.
 constexpr double kLeastShare = 0.01, kMostShare = 0.05;
 constexpr int kRounds = 25, kRoundsOfShared = 2;
+constexpr double kNoGain = 0.01;    // of the logarithm of the likelihood
 constexpr double kLeastOwn = 1e-6;  // variance of an error that the other components do not share: keeps it above rounding
 constexpr std::size_t kEnough = 4000;  // loads that determine a mixture
 // Loads before and after, and nearest loads: those that share an error, and those that show its size.
@@ -57,12 +59,6 @@ void maximise(const std::vector<double>& error, const std::vector<double>& scale
     }
     mixture.sd = std::max(least, mixture.sd * std::sqrt(squares / std::max(1.0, right)));
     mixture.share = std::clamp(1 - right / double(error.size()), kLeastShare, kMostShare);
-}
-
-std::vector<double> some_of(const std::vector<double>& values, std::size_t every) {
-    std::vector<double> some;
-    for (std::size_t i = 0; i < values.size(); i += every) some.push_back(values[i]);
-    return some;
 }
 
 // Returns the median of the first `most` values of the neighbours, or `otherwise`. A few wrong labels do not change it, and
@@ -177,6 +173,22 @@ void judge_together(const std::vector<Standardised>& all, std::vector<Wrench>& w
     }
 }
 
+// Returns the index after the last load of the hold of each load: consecutive labels within 1 % of full scale.
+std::vector<std::size_t> ends_of_holds(const std::vector<Load>& loads, const Wrench& full_scale) {
+    const auto is_held = [&](const Load& first, const Load& load) {
+        bool held = first.rows.front()->session == load.rows.front()->session;
+        for (std::size_t c = 0; c < full_scale.size(); ++c)
+            held = held && !(std::abs(load.label[c] - first.label[c]) > kSameLoad * full_scale[c]);
+        return held;
+    };
+    std::vector<std::size_t> ends(loads.size());
+    for (std::size_t begin = 0, end; begin < loads.size(); begin = end) {
+        for (end = begin + 1; end < loads.size() && is_held(loads[begin], loads[end]);) ++end;
+        std::fill(ends.begin() + std::ptrdiff_t(begin), ends.begin() + std::ptrdiff_t(end), end);
+    }
+    return ends;
+}
+
 }  // namespace
 
 std::vector<Load> loads_of_same_label(const Rows& rows) {
@@ -226,8 +238,8 @@ void estimate_loads(const Calibration& calibration, std::vector<Load>& loads) {
 }
 
 ErrorMixture error_mixture(const std::vector<double>& error, const std::vector<double>& size, double full_scale) {
-    const std::size_t every = 1 + error.size() / kEnough;
-    const std::vector<double> some = some_of(error, every), some_sizes = some_of(size, every);
+    std::vector<double> some, some_sizes;
+    for (const std::size_t i : some_of(error.size(), kEnough)) some.push_back(error[i]), some_sizes.push_back(size[i]);
     std::vector<double> magnitudes;
     for (const double each : some) magnitudes.push_back(std::abs(each));
     const double least = 1e-9 * full_scale, typical = std::max(least, kRobustSd * median(std::move(magnitudes)));
@@ -243,8 +255,10 @@ ErrorMixture error_mixture(const std::vector<double>& error, const std::vector<d
             ErrorMixture mixture{.sd = typical, .follows = follows, .degrees = degrees, .share = kLeastShare, .wrong = {}};
             double likelihood = 0;
             for (int round = 0; round < kRounds; ++round) {
+                const double before = likelihood;
                 likelihood = expect(some, scale, full_scale, mixture);
                 maximise(some, scale, least, mixture);
+                if (round > 0 && likelihood - before < kNoGain) break;
             }
             if (likelihood > most) most = likelihood, best = mixture;
         }
@@ -253,39 +267,42 @@ ErrorMixture error_mixture(const std::vector<double>& error, const std::vector<d
     return best;
 }
 
-Neighbours neighbours_of(const std::vector<Load>& loads) {
+Neighbours neighbours_of(const std::vector<Load>& loads, const Wrench& full_scale) {
     Neighbours neighbours;
-    const auto n = Eigen::Index(loads.size()), channels = Eigen::Index(loads.front().channel.size());
-    const std::size_t every = 1 + loads.size() / kMaxCandidates;
-    std::vector<std::size_t> candidates;
-    for (std::size_t l = 0; l < loads.size(); l += every) candidates.push_back(l);
+    const std::vector<std::size_t> end = ends_of_holds(loads, full_scale),
+                                   candidates = some_of(loads.size(), kMaxCandidates);
+    const auto channels = Eigen::Index(loads.front().channel.size());
     Eigen::MatrixXd at(Eigen::Index(candidates.size()), channels);
     for (Eigen::Index i = 0; i < at.rows(); ++i)
         at.row(i) = Eigen::Map<const Eigen::RowVectorXd>(loads[candidates[std::size_t(i)]].channel.data(), channels);
     const Eigen::VectorXd squares = at.rowwise().squaredNorm();
-    for (Eigen::Index l = 0; l < n; ++l) {
-        const auto here = std::size_t(l);
+    std::vector<Eigen::Index> order(candidates.size());
+    std::size_t begin = 0;
+    for (std::size_t here = 0; here < loads.size(); ++here) {
+        if (here > 0 && end[here] != end[here - 1]) begin = here;
         auto& in_time = neighbours.in_time.emplace_back();
         for (std::size_t away = 1; away <= kInTimeOfSize; ++away)
-            for (const std::size_t j : {here - away, here + away})  // before the first one: beyond the last one
+            for (const std::size_t j : {begin - away, end[here] - 1 + away})  // before the first one: beyond the last one
                 if (j < loads.size() && loads[j].rows.front()->session == loads[here].rows.front()->session)
                     in_time.push_back(j);
         const Eigen::VectorXd d2 =
             squares - 2 * at * Eigen::Map<const Eigen::VectorXd>(loads[here].channel.data(), channels);
-        std::vector<Eigen::Index> order(candidates.size());
-        std::iota(order.begin(), order.end(), Eigen::Index{0});
-        const auto end = order.begin() + std::ptrdiff_t(std::min(kInChannelsOfSize + 1, order.size()));
-        std::partial_sort(order.begin(), end, order.end(), [&](Eigen::Index a, Eigen::Index b) { return d2[a] < d2[b]; });
+        order.clear();
+        for (std::size_t i = 0; i < candidates.size(); ++i)
+            if (candidates[i] < begin || candidates[i] >= end[here]) order.push_back(Eigen::Index(i));
+        const auto last = order.begin() + std::ptrdiff_t(std::min(kInChannelsOfSize, order.size()));
+        std::partial_sort(order.begin(), last, order.end(), [&](Eigen::Index a, Eigen::Index b) { return d2[a] < d2[b]; });
         auto& in_channels = neighbours.in_channels.emplace_back();
-        for (auto each = order.begin(); each != end; ++each)
-            if (candidates[std::size_t(*each)] != here) in_channels.push_back(candidates[std::size_t(*each)]);
+        for (auto each = order.begin(); each != last; ++each) in_channels.push_back(candidates[std::size_t(*each)]);
     }
     return neighbours;
 }
 
-std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale) {
+std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale,
+                                 const Wrench& relevant) {
     std::vector<Wrench> wrong(loads.size(), kUnseen);
     std::vector<Standardised> all;
+    std::vector<Wrench> own = wrong;
     for (std::size_t c = 0; c < full_scale.size(); ++c) {
         if (!(full_scale[c] > 0)) continue;
         OneComponent of{.error = {},
@@ -304,10 +321,13 @@ std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbour
             .component = c, .z = Eigen::VectorXd(Eigen::Index(loads.size())), .full_scale = full_scale[c] / mixture.sd});
         for (std::size_t l = 0; l < loads.size(); ++l) {
             one.z[Eigen::Index(l)] = of.own[l] / scale_at(mixture, of.size[l]);
-            if (std::isfinite(of.own[l])) wrong[l][c] = of.wrong[l];
+            if (std::isfinite(of.own[l])) wrong[l][c] = of.wrong[l], own[l][c] = of.own[l];
         }
     }
     if (all.size() > 1) judge_together(all, wrong);
+    for (std::size_t l = 0; l < loads.size(); ++l)
+        for (const Standardised& one : all)
+            if (std::abs(own[l][one.component]) <= relevant[one.component]) wrong[l][one.component] = 0;
     return wrong;
 }
 

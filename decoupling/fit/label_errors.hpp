@@ -20,16 +20,19 @@ std::vector<Load> loads_of_same_label(const Rows& rows);
 // Fills the estimates and errors of the loads. setup
 void estimate_loads(const Calibration& calibration, std::vector<Load>& loads);
 
-// The loads whose errors a load shares: those next to it in time, and the nearest ones in the channels. Hysteresis, drift
+// The loads whose errors a load shares: those next to it in time, and the nearest ones in the channels, without those that
+// are held with it, which have the same wrong label. Hysteresis, drift
 // and the bends of a sensor are errors of this kind; an error of a label is not. By index of the loads.
 struct Neighbours {
     std::vector<std::vector<std::size_t>> in_time, in_channels;
 };
-Neighbours neighbours_of(const std::vector<Load>& loads);
+Neighbours neighbours_of(const std::vector<Load>& loads, const Wrench& full_scale);
 
 // Returns the probability of each label to be wrong: [load][component of a wrench], NaN without a label. `full_scale`: of
-// the labels of each component, 0 for those without. setup
-std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale);
+// the labels of each component, 0 for those without; `relevant`: an error that the neighbours do not share is no mistake up
+// to this size. setup
+std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale,
+                                 const Wrench& relevant);
 
 // ---- The mixture of one component, for tests ----
 

@@ -79,4 +79,15 @@ double robust_sd(const Eigen::VectorXd& errors) {
     return kRobustSd * median({sizes.begin(), sizes.end()});
 }
 
+std::vector<std::size_t> some_of(std::size_t n, std::size_t most) {
+    constexpr double kGolden = 0.6180339887498949;  // its multiples are spread evenly over 0 .. 1
+    std::vector<std::size_t> chosen;
+    const std::size_t count = std::min(n, most);
+    for (std::size_t i = 0; i < count; ++i) {
+        const double within = std::fmod(double(i) * kGolden, 1.0);
+        chosen.push_back(count == n ? i : std::size_t((double(i) + within) * double(n) / double(count)));
+    }
+    return chosen;
+}
+
 }  // namespace tactiled

@@ -62,4 +62,8 @@ double median(std::vector<double> values);
 double quantile(std::vector<double> values, double share);
 double robust_sd(const Eigen::VectorXd& errors);
 
+// Returns at most `most` of the indices 0 .. n - 1 in order: one of each stretch, at places that follow no rhythm of a
+// recording (rest, press, rest ...). setup
+std::vector<std::size_t> some_of(std::size_t n, std::size_t most);
+
 }  // namespace tactiled

@@ -109,8 +109,11 @@ void set_variances(const OneChannel& channel, OneFit& fit) {
         information[channel.session[i]] += weight / (sd * sd);
     }
     const double all = right[0] / squares(0, 0);  // without a bend
-    const double slope = (squares(0, 0) * right[1] - squares(0, 1) * right[0]) / std::max(1e-300, squares.determinant());
-    const double bend2 = std::max(0.0, std::isfinite(slope) ? slope : 0.0);
+    // Loads of one size do not show a bend.
+    const double determinant = squares.determinant();
+    const double bend2 = determinant > 1e-9 * squares(0, 0) * squares(1, 1)
+                             ? std::max(0.0, (squares(0, 0) * right[1] - squares(0, 1) * right[0]) / determinant)
+                             : 0;
     const double noise2 = std::max(all - bend2 * squares(0, 1) / squares(0, 0), all * 1e-4);
     fit.bend = std::sqrt(bend2);
     fit.noise = std::max(kLeast, std::sqrt(noise2));
@@ -129,17 +132,15 @@ struct Prepared {
 Prepared prepare(const MixedEffects& effects) {
     const Wrench full_scale = full_scales(effects.rows);
     Prepared result;
-    std::vector<std::size_t> count(effects.index.size()), taken(count.size());
+    std::vector<std::vector<std::size_t>> of_session(effects.index.size());
     for (std::size_t i = 0; i < effects.rows.size(); ++i) {
-        ++count[effects.session[i]];
+        of_session[effects.session[i]].push_back(i);
         auto& load = result.load.emplace_back();
         for (const std::size_t c : effects.components) load[c] = effects.rows[i]->wrench_S[c] / full_scale[c];
     }
-    const std::size_t most = std::max(kOfSession, kEnough / count.size());
-    for (std::size_t i = 0; i < effects.rows.size(); ++i) {
-        const std::size_t s = effects.session[i];
-        if (taken[s]++ % (1 + (count[s] - 1) / most) == 0) result.chosen.push_back(i);
-    }
+    const std::size_t most = std::max(kOfSession, kEnough / of_session.size());
+    for (const auto& rows : of_session)
+        for (const std::size_t i : some_of(rows.size(), most)) result.chosen.push_back(rows[i]);
     return result;
 }
 

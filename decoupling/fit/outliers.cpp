@@ -135,7 +135,7 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
         judged.calibration = refit(rows);
         return judged;
     }
-    const Neighbours neighbours = neighbours_of(loads);
+    const Neighbours neighbours = neighbours_of(loads, full_scale);
     const std::size_t max_left_out = std::max(kMaxLeftOut, std::size_t(kMaxShareLeftOut * double(loads.size())));
     const auto without = [&](const std::set<const LabelledRow*>& out) {
         Rows kept;
@@ -147,14 +147,20 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
     std::set<const LabelledRow*> suspected, fitted_without;
     std::vector<Judgement> found;
     for (int round = 0; round < (loads.size() < kSmallRecording ? kRounds : kRoundsOfMany); ++round) {
+        try {
+            judged.calibration = refit(without(suspected));
+        } catch (const Undetermined&) {  // they are needed
+            if (suspected.empty()) throw;
+            judged.too_many = true;
+            break;
+        }
         fitted_without = suspected;
-        judged.calibration = refit(without(suspected));
         estimate_loads(judged.calibration, loads);
         if (round == 0) try {
                 estimate_loads(refit(without(rows_of_greatest_errors(loads, components, full_scale))), loads);
             } catch (const Undetermined&) {  // one of them is needed: judge with all
             }
-        found = judgements(loads, wrong_labels(loads, neighbours, full_scale), components, relevant);
+        found = judgements(loads, wrong_labels(loads, neighbours, full_scale, relevant), components, relevant);
         suspected.clear();
         std::size_t n = 0;
         for (std::size_t l = 0; l < loads.size(); ++l)

@@ -32,6 +32,21 @@ const char* remark_on(double factor) {
     return "";
 }
 
+// Returns true if the contradiction has a certain cause, or the calibration would rather describe it than the sensor.
+bool is_refused(const Contradiction& why) {
+    switch (why.cause) {
+        case Contradiction::Cause::exchange:
+            if (why.prediction.error > why.prediction.gains) return true;
+            break;
+        case Contradiction::Cause::turn: return true;
+        case Contradiction::Cause::factor:
+            if (*remark_on(why.factor) != '\0') return true;
+            break;
+        case Contradiction::Cause::unknown: break;
+    }
+    return why.prediction.error > kRefused;
+}
+
 std::string reason(const Labelled& labelled, const Sessions& sessions, const Contradiction& why, const std::string& place,
                    std::size_t session, std::size_t other) {
     const std::string label = fmt::format("{} of {}", label_column(sessions.component[why.component]), place);
@@ -93,10 +108,12 @@ void check_sessions(const Labelled& labelled, const Rows& rows, std::vector<std:
     for (std::size_t s = 0; s < labelled.sessions.size(); ++s)
         if (!is_odd(s)) rest.push_back(labelled.sessions[s]);
     if (verdict.pair) by = {verdict.pair->first};
-    const std::size_t session = verdict.pair ? verdict.pair->second : verdict.odd.front();
-    const std::optional<Contradiction> why = contradiction(sessions, by, session);
-    if (!why) return;
-    const std::string because = reason(labelled, sessions, *why,
+    // The worst of them is shown.
+    const auto worst = std::max_element(verdict.why.begin(), verdict.why.end(), [](const auto& a, const auto& b) {
+        return std::pair(is_refused(a), a.prediction.error) < std::pair(is_refused(b), b.prediction.error);
+    });
+    const std::size_t session = verdict.pair ? verdict.pair->second : verdict.odd[std::size_t(worst - verdict.why.begin())];
+    const std::string because = reason(labelled, sessions, *worst,
                                        fmt::format("session \"{}\" (from {}:{} on)", labelled.sessions[session],
                                                    labelled.name, of_session[session].front()->line),
                                        session, by.front());
@@ -105,13 +122,12 @@ void check_sessions(const Labelled& labelled, const Rows& rows, std::vector<std:
         verdict.pair ? fmt::format(
                            "sessions {0} and {1} contradict each other; the recording does not show which is wrong: {2} "
                            "Calibrate sessions that agree, for example --session {0} or --session {1}",
-                           labelled.sessions[verdict.pair->first], labelled.sessions[verdict.pair->second], because)
+                           labelled.sessions[std::min(by.front(), session)],
+                           labelled.sessions[std::max(by.front(), session)], because)
                      : fmt::format("session{} {} contradict{} {}: {} Calibrate without {}: --session {}", one ? "" : "s",
                                    names(labelled, verdict.odd), one ? "s" : "", names(labelled, by), because,
                                    one ? "it" : "them", fmt::join(rest, ","));
-    const bool is_sure = why->cause == Contradiction::Cause::exchange || why->cause == Contradiction::Cause::turn ||
-                         (why->cause == Contradiction::Cause::factor && *remark_on(why->factor) != '\0');
-    if (is_sure || why->prediction.error > kRefused) throw Undetermined(text);
+    if (is_refused(*worst)) throw Undetermined(text);
     warnings.push_back(text);
 }
 

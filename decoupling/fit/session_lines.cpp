@@ -121,8 +121,11 @@ bool are_loaded_alike(const Sessions& sessions, const std::vector<std::size_t>& 
         const Moments& moments = sessions.moments[std::size_t(c)];
         const std::vector<std::size_t> others = others_of(moments, by, session);
         if (others.empty() || !moments[session]) continue;
-        const Line line = line_of(together(moments, others), usual_variance(moments));
-        unit[c] = std::min(1.0, std::sqrt(predicted_variance(line.slope, *moments[session]) / moments[session]->yy));
+        const SessionMoments together_here = together(moments, others);
+        const Line line = line_of(together_here, usual_variance(moments));
+        // A line that does not explain the others' own labels, because these are noise, predicts none.
+        if (error_of_line(line.slope, together_here, std::sqrt(together_here.yy)) < kExplains)
+            unit[c] = std::min(1.0, std::sqrt(predicted_variance(line.slope, *moments[session]) / moments[session]->yy));
     }
     const Eigen::MatrixXd loads = unit.asDiagonal() * sessions.loads[session] * unit.asDiagonal();
     Eigen::MatrixXd known = Eigen::MatrixXd::Zero(loads.rows(), loads.cols());
@@ -143,9 +146,7 @@ bool are_loaded_alike(const Sessions& sessions, const std::vector<std::size_t>& 
 // Returns the line with the smallest error in a session and in others, each relative to the spread of its labels, so that a
 // session in another unit does not outweigh the rest.
 Eigen::VectorXd common_line(const Moments& sessions, const std::vector<std::size_t>& by, std::size_t of, double usual) {
-    Moments relative;
-    for (const std::size_t s : {of}) relative.push_back(sessions[s]);
-    relative.push_back(together(sessions, by));
+    Moments relative{sessions[of], together(sessions, by)};
     for (auto& each : relative) {
         const double variance = std::max(each->yy, usual);
         each->xx /= variance, each->xy /= variance, each->yy /= variance;
@@ -168,8 +169,10 @@ Prediction predict(const Moments& sessions, const std::vector<std::size_t>& by, 
     result.error = error_of_line(others.slope, session, result.spread);
     const double gains = kGainsDiffer * others.slope.cwiseProduct(widths(session)).norm() / result.spread;
     const double unknown = std::sqrt(std::max(0.0, others.covariance.cwiseProduct(session.xx).sum())) / result.spread;
-    result.gains = gains;
-    result.limit = student_limit(degrees, comparisons) * std::hypot(gains, unknown);
+    const double times = student_limit(degrees, comparisons);
+    result.sd = gains;
+    result.gains = times * gains;
+    result.limit = times * std::hypot(gains, unknown);
     return result;
 }
 
@@ -246,7 +249,7 @@ std::optional<Contradiction> as_exchange(const Predictions& predictions) {
         const Prediction& found = predictions.of[i];
         const SessionMoments& session = *predictions.session[i];
         const Eigen::VectorXd line = exchanged(found.line, best);
-        if (found.error > kClear * found.gains && explains(found.line, line, session))
+        if (found.error > kClear * found.sd && explains(found.line, line, session))
             return Contradiction{.cause = Contradiction::Cause::exchange,
                                  .component = predictions.component[i],
                                  .prediction = found,
@@ -369,13 +372,17 @@ SessionVerdict contradicting(const Sessions& sessions) {
     if (verdict.compared.size() < 2) return verdict;
     const std::vector<std::size_t> agree = consensus(sessions, verdict.compared);
     for (const std::size_t s : verdict.compared)
-        if (contradiction(sessions, agree, s)) verdict.odd.push_back(s);
+        if (auto why = contradiction(sessions, agree, s)) {
+            verdict.odd.push_back(s);
+            verdict.why.push_back(std::move(*why));
+        }
     if (2 * verdict.odd.size() < verdict.compared.size()) return verdict;
     // Neither of two sessions is named alone, and none without a majority.
     const std::size_t odd = verdict.odd.front();
     const auto other = std::find_if(agree.begin(), agree.end(), [&](std::size_t s) { return s != odd; });
     verdict.odd.clear();
-    verdict.pair = std::minmax(odd, *other);
+    verdict.pair = {*other, odd};
+    verdict.why.resize(1);
     return verdict;
 }
 

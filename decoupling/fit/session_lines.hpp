@@ -15,7 +15,7 @@ struct SessionMoments {
     Eigen::VectorXd xy;  // covariances of the channels with the label
     double yy = 0;       // variance of the label
     double rows = 0;
-    std::vector<SessionMoments> parts;  // fifths of its time
+    std::vector<SessionMoments> parts;  // fifths of its rows, in their order
 };
 
 // The lines of some sessions compared with the labels of another one. Errors are relative to the spread of the labels, which
@@ -23,7 +23,8 @@ struct SessionMoments {
 struct Prediction {
     Eigen::VectorXd line, own, common;  // label per channel: of the others, of the session, of all of them together
     double error = 0;                   // root mean square of the others' line in the session, whatever the zero
-    double gains = 0;                   // sd of the error that other gains of the channels make
+    double sd = 0;                      // of the error that other gains of the channels make
+    double gains = 0;                   // error that other gains of the channels make in one of 1000 recordings
     double limit = 0;                   // error that these, and loads that are not known, explain
     double spread = 0;                  // N or Nm
 };
@@ -64,10 +65,10 @@ struct SessionVerdict {
     std::vector<std::size_t> compared;  // in order
     std::vector<std::size_t> odd;       // in order, fewer than half of those compared; empty: none, or no minority
     std::optional<std::pair<std::size_t, std::size_t>> pair;  // two that contradict each other, without a minority
+    std::vector<Contradiction> why;                           // of each of `odd`, or of the second of the pair
 };
 
-// Compares each session with the line of all others that agree with each other. Level: one false contradiction in 1000
-// recordings. setup
+// Compares each session with the line of all others that agree with each other. setup
 SessionVerdict contradicting(const Sessions& sessions);
 
 // Returns the error of a line in a session, relative to `spread`.

@@ -81,9 +81,11 @@ SessionZeros session_zeros(const Labelled& labelled, const Rows& rows, FitReques
         const Eigen::RowVectorXd zero = effects.session_zero.row(Eigen::Index(s));
         zeros.offset[effects.index[s]].assign(zero.begin(), zero.end());
     }
-    const bool known =
-        ((effects.own_sd.colwise().squaredNorm() / double(sessions)).cwiseSqrt().array() <= kKnown * data.width.array())
-            .all();
+    bool known = true;  // most of them: one session without a small load does not count for all
+    for (Eigen::Index k = 0; k < data.width.size(); ++k) {
+        const Eigen::VectorXd own_sd = effects.own_sd.col(k);
+        known = known && median({own_sd.begin(), own_sd.end()}) <= kKnown * data.width[k];
+    }
     if (known) zeros.sd.assign(effects.zero_sd.begin(), effects.zero_sd.end());
     Eigen::MatrixXd tared = data.channel;
     for (Eigen::Index i = 0; i < tared.rows(); ++i)

@@ -35,6 +35,7 @@ void include_tares(const Rows& rows, const SessionZeros& zeros, Trial& trial) {
     Wrench squares{};
     for (const auto* row : rows) {
         const std::vector<double>& offset = zeros.offset[row->session];
+        if (offset.empty()) continue;  // a session without a zero of its own
         const Wrench tared = force(row->channel, offset), rest = force(calibration.zero, offset),
                      plain = force(row->channel, none);
         for (std::size_t c = 0; c < 6; ++c)

@@ -86,7 +86,8 @@ struct Drift {
 Drift drift_of(const std::vector<Unloaded>& sessions) {
     Drift all;
     for (const Unloaded& session : sessions) {
-        const double hours = (session.t_h.back() - session.t_h.front()) / 2;
+        const auto [first, last] = std::minmax_element(session.t_h.begin(), session.t_h.end());
+        const double hours = (*last - *first) / 2;
         for (const bool at_rest : {true, false}) {
             const Means mean = means_of_parts(session, at_rest);
             const Changes far = changes_of(mean, kParts / 2, hours), near = changes_of(mean, 1, hours);
@@ -163,6 +164,7 @@ bool set_zero_age(const Labelled& labelled, const Rows& rows, const SessionZeros
         for (double& each : calibration.zero_shift) each *= std::sqrt(n / (n - 1) * (1 + 1 / n));
     }
     if (calibration.sd.empty()) return false;
+    if (std::all_of(rows.begin(), rows.end(), [](const auto* row) { return row->t_ns == 0; })) return false;
     const Drift drift = drift_of(unloaded(calibration, mixed_effects(labelled, rows)));
     if (drift.far.empty()) return false;
     const double chance = by_chance(double(drift.far.size()));

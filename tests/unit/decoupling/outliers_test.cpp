@@ -223,6 +223,28 @@ TEST(Outliers, AKeptLoadDoesNotHideOthers) {
     }
 }
 
+// The label of a hold is wrong in each of its rows, which differ by the noise of the reference.
+TEST(Outliers, AWrongHoldIsLeftOut) {
+    for (const int rows : {2, 5, 10, 20}) {
+        Labelled labelled;
+        const Labelled loads = Cell(8).recording(1, 4, 0, 1e-4);
+        labelled.name = loads.name, labelled.channels = loads.channels;
+        std::mt19937_64 random(1);
+        std::normal_distribution<double> noise(0, 1);
+        std::set<std::int64_t> wrong;
+        for (std::size_t l = 0; l < loads.rows.size(); ++l)
+            for (int i = 0; i < rows; ++i) {
+                LabelledRow row = loads.rows[l];
+                row.line = std::int64_t(labelled.rows.size()) + 2;
+                for (double& reading : row.channel) reading += 1e-4 * noise(random);
+                for (std::size_t c = 0; c < 3; ++c) row.wrench_S[c] += 0.01 * noise(random);  // N
+                if (l == 44) row.wrench_S[1] *= -1, wrong.insert(row.line);
+                labelled.rows.push_back(row);
+            }
+        EXPECT_EQ(lines_of(fit(labelled, by("matrix")), true), wrong) << rows;
+    }
+}
+
 TEST(Outliers, WhereManyDisagreeAllStay) {
     Labelled labelled = Cell(6).recording(1, 4, 0, 1e-4);
     for (std::size_t i = 3; i < 120; i += 10) labelled.rows[i].wrench_S[0] += 20;  // N; 12 of 120

@@ -70,6 +70,17 @@ TEST(SessionZeros, AreInTheStandardDeviationOfAMethodThatIsNotStraight) {
     }
 }
 
+// A session without one of the labels has no zero of its own; the others keep theirs.
+TEST(SessionZeros, StandASessionWithoutALabel) {
+    Labelled labelled = Cell(5).recording(4, 2, 0.03, 3e-4);
+    for (LabelledRow& row : labelled.rows)
+        if (row.session == 2) row.wrench_S[1] = kNaN;
+    const FitReport report = fit(labelled, by("matrix"));
+    EXPECT_TRUE(report.zeros.own);
+    EXPECT_TRUE(report.zeros.offset[2].empty());
+    EXPECT_FALSE(report.zeros.offset[3].empty());
+}
+
 // A mistyped load must not move the zero of its session, and the zero must not hide it.
 TEST(SessionZeros, StandMistypedLoads) {
     Labelled labelled = Cell(11).recording(3, 2, 0.03, 3e-4);
