@@ -19,7 +19,7 @@ constexpr double kDegrees[] = {2, 4, 8, 30}, kFollows[] = {0, 0.5, 1};
 // well.
 constexpr double kLeastShare = 0.01, kMostShare = 0.05;
 constexpr int kRounds = 25, kRoundsOfShared = 2;
-constexpr double kNoGain = 0.01;    // of the logarithm of the likelihood
+constexpr double kNoGain = 0.01;    // logarithm of the likelihood
 constexpr double kLeastOwn = 1e-6;  // variance of an error that the other components do not share: keeps it above rounding
 constexpr std::size_t kEnough = 4000;  // loads that determine a mixture
 // Loads before and after, and nearest loads: those that share an error, and those that show its size.
@@ -298,11 +298,9 @@ Neighbours neighbours_of(const std::vector<Load>& loads, const Wrench& full_scal
     return neighbours;
 }
 
-std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale,
-                                 const Wrench& relevant) {
+std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale) {
     std::vector<Wrench> wrong(loads.size(), kUnseen);
     std::vector<Standardised> all;
-    std::vector<Wrench> own = wrong;
     for (std::size_t c = 0; c < full_scale.size(); ++c) {
         if (!(full_scale[c] > 0)) continue;
         OneComponent of{.error = {},
@@ -321,13 +319,10 @@ std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbour
             .component = c, .z = Eigen::VectorXd(Eigen::Index(loads.size())), .full_scale = full_scale[c] / mixture.sd});
         for (std::size_t l = 0; l < loads.size(); ++l) {
             one.z[Eigen::Index(l)] = of.own[l] / scale_at(mixture, of.size[l]);
-            if (std::isfinite(of.own[l])) wrong[l][c] = of.wrong[l], own[l][c] = of.own[l];
+            if (std::isfinite(of.own[l])) wrong[l][c] = of.wrong[l];
         }
     }
     if (all.size() > 1) judge_together(all, wrong);
-    for (std::size_t l = 0; l < loads.size(); ++l)
-        for (const Standardised& one : all)
-            if (std::abs(own[l][one.component]) <= relevant[one.component]) wrong[l][one.component] = 0;
     return wrong;
 }
 

@@ -31,8 +31,7 @@ Neighbours neighbours_of(const std::vector<Load>& loads, const Wrench& full_scal
 // Returns the probability of each label to be wrong: [load][component of a wrench], NaN without a label. `full_scale`: of
 // the labels of each component, 0 for those without; `relevant`: an error that the neighbours do not share is no mistake up
 // to this size. setup
-std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale,
-                                 const Wrench& relevant);
+std::vector<Wrench> wrong_labels(const std::vector<Load>& loads, const Neighbours& neighbours, const Wrench& full_scale);
 
 // ---- The mixture of one component, for tests ----
 

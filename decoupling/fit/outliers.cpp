@@ -160,7 +160,7 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
                 estimate_loads(refit(without(rows_of_greatest_errors(loads, components, full_scale))), loads);
             } catch (const Undetermined&) {  // one of them is needed: judge with all
             }
-        found = judgements(loads, wrong_labels(loads, neighbours, full_scale, relevant), components, relevant);
+        found = judgements(loads, wrong_labels(loads, neighbours, full_scale), components, relevant);
         suspected.clear();
         std::size_t n = 0;
         for (std::size_t l = 0; l < loads.size(); ++l)

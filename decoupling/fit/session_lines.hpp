@@ -23,7 +23,7 @@ struct SessionMoments {
 struct Prediction {
     Eigen::VectorXd line, own, common;  // label per channel: of the others, of the session, of all of them together
     double error = 0;                   // root mean square of the others' line in the session, whatever the zero
-    double sd = 0;                      // of the error that other gains of the channels make
+    double sd = 0;                      // sd of the error that other gains of the channels make
     double gains = 0;                   // error that other gains of the channels make in one of 1000 recordings
     double limit = 0;                   // error that these, and loads that are not known, explain
     double spread = 0;                  // N or Nm
@@ -65,7 +65,7 @@ struct SessionVerdict {
     std::vector<std::size_t> compared;  // in order
     std::vector<std::size_t> odd;       // in order, fewer than half of those compared; empty: none, or no minority
     std::optional<std::pair<std::size_t, std::size_t>> pair;  // two that contradict each other, without a minority
-    std::vector<Contradiction> why;                           // of each of `odd`, or of the second of the pair
+    std::vector<Contradiction> why;                           // reasons of each of `odd`, or of the second of the pair
 };
 
 // Compares each session with the line of all others that agree with each other. setup
