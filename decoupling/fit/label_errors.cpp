@@ -173,33 +173,25 @@ void judge_together(const std::vector<Standardised>& all, std::vector<Wrench>& w
     }
 }
 
-// Returns the index after the last load of the hold of each load: consecutive labels within 1 % of full scale.
-std::vector<std::size_t> ends_of_holds(const std::vector<Load>& loads, const Wrench& full_scale) {
-    const auto is_held = [&](const Load& first, const Load& load) {
-        bool held = first.rows.front()->session == load.rows.front()->session;
-        for (std::size_t c = 0; c < full_scale.size(); ++c)
-            held = held && !(std::abs(load.label[c] - first.label[c]) > kSameLoad * full_scale[c]);
-        return held;
-    };
-    std::vector<std::size_t> ends(loads.size());
-    for (std::size_t begin = 0, end; begin < loads.size(); begin = end) {
-        for (end = begin + 1; end < loads.size() && is_held(loads[begin], loads[end]);) ++end;
-        std::fill(ends.begin() + std::ptrdiff_t(begin), ends.begin() + std::ptrdiff_t(end), end);
-    }
-    return ends;
+// Rows of one load: every label within 1 % of full scale of that of the first.
+bool is_held(const LabelledRow& first, const LabelledRow& row, const Wrench& full_scale) {
+    bool held = first.session == row.session;
+    for (std::size_t c = 0; c < full_scale.size(); ++c)
+        held = held && std::isnan(first.wrench_S[c]) == std::isnan(row.wrench_S[c]) &&
+               !(std::abs(row.wrench_S[c] - first.wrench_S[c]) > kSameLoad * full_scale[c]);
+    return held;
 }
 
 }  // namespace
 
-std::vector<Load> loads_of_same_label(const Rows& rows) {
+std::vector<Load> loads_of_same_label(const Rows& rows, const Wrench& full_scale) {
     std::vector<Load> loads;
     Rows by_time = rows;
     std::stable_sort(by_time.begin(), by_time.end(), [](const LabelledRow* a, const LabelledRow* b) {
         return a->session != b->session ? a->session < b->session : a->t_ns < b->t_ns;
     });
     for (const auto* row : by_time) {
-        if (loads.empty() || loads.back().rows.front()->session != row->session ||
-            !is_same_label(loads.back().label, row->wrench_S))
+        if (loads.empty() || !is_held(*loads.back().rows.front(), *row, full_scale))
             loads.push_back({.rows = {}, .label = row->wrench_S, .error = {}, .estimate = {}, .channel = {}});
         loads.back().rows.push_back(row);
     }
@@ -224,15 +216,18 @@ void estimate_loads(const Calibration& calibration, std::vector<Load>& loads) {
     for (Load& load : loads)
         for (std::size_t c = 0; c < 6; ++c) load.error[c] = load.estimate[c] = kNaN;
     for (Load& load : loads) {
-        std::array<std::vector<double>, 6> estimates;
+        std::array<std::vector<double>, 6> estimates, errors;
         for (const auto* row : load.rows) {
             const Wrench wrench_S = decoupler->decouple({.channel = row->channel, .t_ns = row->t_ns}).wrench_S;
-            for (std::size_t c = 0; c < 6; ++c)
-                if (std::isfinite(wrench_S[c])) estimates[c].push_back(wrench_S[c]);
+            for (std::size_t c = 0; c < 6; ++c) {
+                if (!std::isfinite(wrench_S[c])) continue;
+                estimates[c].push_back(wrench_S[c]);
+                errors[c].push_back(wrench_S[c] - row->wrench_S[c]);
+            }
         }
         for (std::size_t c = 0; c < 6; ++c) {
             load.estimate[c] = median(estimates[c]);
-            load.error[c] = load.estimate[c] - load.label[c];
+            load.error[c] = median(errors[c]);
         }
     }
 }
@@ -267,29 +262,26 @@ ErrorMixture error_mixture(const std::vector<double>& error, const std::vector<d
     return best;
 }
 
-Neighbours neighbours_of(const std::vector<Load>& loads, const Wrench& full_scale) {
+Neighbours neighbours_of(const std::vector<Load>& loads) {
     Neighbours neighbours;
-    const std::vector<std::size_t> end = ends_of_holds(loads, full_scale),
-                                   candidates = some_of(loads.size(), kMaxCandidates);
+    const std::vector<std::size_t> candidates = some_of(loads.size(), kMaxCandidates);
     const auto channels = Eigen::Index(loads.front().channel.size());
     Eigen::MatrixXd at(Eigen::Index(candidates.size()), channels);
     for (Eigen::Index i = 0; i < at.rows(); ++i)
         at.row(i) = Eigen::Map<const Eigen::RowVectorXd>(loads[candidates[std::size_t(i)]].channel.data(), channels);
     const Eigen::VectorXd squares = at.rowwise().squaredNorm();
     std::vector<Eigen::Index> order(candidates.size());
-    std::size_t begin = 0;
     for (std::size_t here = 0; here < loads.size(); ++here) {
-        if (here > 0 && end[here] != end[here - 1]) begin = here;
         auto& in_time = neighbours.in_time.emplace_back();
         for (std::size_t away = 1; away <= kInTimeOfSize; ++away)
-            for (const std::size_t j : {begin - away, end[here] - 1 + away})  // before the first one: beyond the last one
+            for (const std::size_t j : {here - away, here + away})  // before the first one: beyond the last one
                 if (j < loads.size() && loads[j].rows.front()->session == loads[here].rows.front()->session)
                     in_time.push_back(j);
         const Eigen::VectorXd d2 =
             squares - 2 * at * Eigen::Map<const Eigen::VectorXd>(loads[here].channel.data(), channels);
         order.clear();
         for (std::size_t i = 0; i < candidates.size(); ++i)
-            if (candidates[i] < begin || candidates[i] >= end[here]) order.push_back(Eigen::Index(i));
+            if (candidates[i] != here) order.push_back(Eigen::Index(i));
         const auto last = order.begin() + std::ptrdiff_t(std::min(kInChannelsOfSize, order.size()));
         std::partial_sort(order.begin(), last, order.end(), [&](Eigen::Index a, Eigen::Index b) { return d2[a] < d2[b]; });
         auto& in_channels = neighbours.in_channels.emplace_back();

@@ -7,7 +7,7 @@
 
 namespace tactiled {
 
-// Consecutive rows with the same label.
+// Consecutive rows with the same label, within 1 % of full scale.
 struct Load {
     Rows rows;
     Wrench label{}, error{}, estimate{};  // error and estimate: medians over the rows
@@ -15,18 +15,17 @@ struct Load {
 };
 
 // Returns the loads in the order of sessions and times. setup
-std::vector<Load> loads_of_same_label(const Rows& rows);
+std::vector<Load> loads_of_same_label(const Rows& rows, const Wrench& full_scale);
 
 // Fills the estimates and errors of the loads. setup
 void estimate_loads(const Calibration& calibration, std::vector<Load>& loads);
 
-// The loads whose errors a load shares: those next to it in time, and the nearest ones in the channels, without those that
-// are held with it, which have the same wrong label. Hysteresis, drift
+// The loads whose errors a load shares: those next to it in time, and the nearest ones in the channels. Hysteresis, drift
 // and the bends of a sensor are errors of this kind; an error of a label is not. By index of the loads.
 struct Neighbours {
     std::vector<std::vector<std::size_t>> in_time, in_channels;
 };
-Neighbours neighbours_of(const std::vector<Load>& loads, const Wrench& full_scale);
+Neighbours neighbours_of(const std::vector<Load>& loads);
 
 // Returns the probability of each label to be wrong: [load][component of a wrench], NaN without a label. `full_scale`: of
 // the labels of each component, 0 for those without; `relevant`: an error that the neighbours do not share is no mistake up

@@ -126,8 +126,8 @@ std::vector<Judgement> judgements(const std::vector<Load>& loads, const std::vec
 
 LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
     LabelsJudged judged;
-    std::vector<Load> loads = loads_of_same_label(rows);
     const Wrench full_scale = robust_full_scale(rows), relevant = relevant_errors(rows, full_scale);
+    std::vector<Load> loads = loads_of_same_label(rows, full_scale);
     std::vector<std::size_t> components;
     for (std::size_t c = 0; c < 6; ++c)
         if (full_scale[c] > 0) components.push_back(c);
@@ -135,7 +135,7 @@ LabelsJudged judge_labels(const Rows& rows, const Refit& refit, bool keep) {
         judged.calibration = refit(rows);
         return judged;
     }
-    const Neighbours neighbours = neighbours_of(loads, full_scale);
+    const Neighbours neighbours = neighbours_of(loads);
     const std::size_t max_left_out = std::max(kMaxLeftOut, std::size_t(kMaxShareLeftOut * double(loads.size())));
     const auto without = [&](const std::set<const LabelledRow*>& out) {
         Rows kept;
