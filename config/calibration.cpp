@@ -222,7 +222,14 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
     fit.sd_slope = file.numbers("sd_slope", kNotNegative, each);
     fit.sd_load = file.numbers("sd_load", kNotNegative, each);
     fit.sd_unloading = file.numbers("sd_unloading", kNotNegative, each);
-    fit.correlation = file.numbers("correlation", {-1, 1}, {2, 2});
+    fit.sd_noise = file.numbers("sd_noise", kNotNegative, each);
+    const std::size_t n_pairs = n_rows * (n_rows - std::min<std::size_t>(n_rows, 1)) / 2;
+    fit.correlation = file.numbers("correlation", {-1, 1}, {n_pairs, n_pairs});
+    fit.alike = file.numbers("alike", kNotNegative, {2, 2});
+    if (fit.alike.size() == 2 && (fit.alike[0] > 1 || fit.alike[1] == 0))
+        file.problem("alike", "alike needs a correlation of 0 .. 1, and a distance of loads above 0");
+    fit.reference_sd = file.numbers("reference_sd", kNotNegative, each);
+    fit.reference_gain_sd = file.number("reference_gain_sd", kNotNegative, 0);
     fit.held_out_rms = file.numbers("held_out_rms", kNotNegative, each);
     read_undetected_damage(file, calibration.channels, fit.undetected_damage);
     if (file.has("parity_harmless")) (void)file.numbers("parity_harmless", kFinite);  // older, see read_older_checks

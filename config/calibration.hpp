@@ -52,8 +52,17 @@ struct Fit {
     // Per component, N or Nm; empty = 0. Increases the standard deviation to hypot(the above, sd_unloading (peak - load)),
     // with the load as a part of full scale and its peak since the last rest (decoupling/unloading.hpp).
     std::vector<double> sd_unloading;
-    // Correlation of the errors of fz with those of mx and of my, -1 .. 1; empty = they are taken as independent.
+    // Per component, N or Nm; empty = 0. The part of sd that differs from sample to sample under one load.
+    std::vector<double> sd_noise;
+    // Correlations of the errors of two components, -1 .. 1: n (n - 1) / 2 numbers, the rows above the diagonal; empty =
+    // they are taken as independent.
     std::vector<double> correlation;
+    // {alike, within}: the errors under two loads at the distance d, each component in its full scale, have the correlation
+    // alike / (1 + (d / within)^2); empty = none.
+    std::vector<double> alike;
+    // Standard uncertainty of the labels that is common to all rows: per component, N or Nm (empty = 0), and relative.
+    std::vector<double> reference_sd;
+    double reference_gain_sd = 0;
     // Per component: root mean square error on held-out rows, N or Nm; empty = unknown.
     std::vector<double> held_out_rms;
     UndetectedDamage undetected_damage;

@@ -59,7 +59,11 @@ public:
         numbers("sd_slope", fit.sd_slope);
         numbers("sd_load", fit.sd_load);
         numbers("sd_unloading", fit.sd_unloading);
+        numbers("sd_noise", fit.sd_noise);
         numbers("correlation", fit.correlation);
+        numbers("alike", fit.alike);
+        numbers("reference_sd", fit.reference_sd);
+        if (fit.reference_gain_sd > 0) line("reference_gain_sd", toml_number(fit.reference_gain_sd));
         numbers("held_out_rms", fit.held_out_rms);
         if (fit.undetected_damage.is_known())
             for (std::size_t kind = 0; kind < kDamageKinds.size(); ++kind)

@@ -27,7 +27,9 @@ Calibration fit_for(const Calibration& calibration, const MethodEntry& method) {
         one.sd_slope.clear();
         one.sd_load.clear();
         one.sd_unloading.clear();
+        one.sd_noise.clear();
         one.correlation.clear();
+        one.alike.clear();
     }
     return one;
 }

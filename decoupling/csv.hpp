@@ -99,11 +99,12 @@ class ForcesWriter {
 public:
     // Opens a file, or standard output for "-", which is flushed with each row, and writes the header. setup: throws
     // SetupError where the file cannot be created
-    explicit ForcesWriter(const std::string& path);
+    explicit ForcesWriter(const std::string& path, bool has_budget = false);
     // Writes a row. A component that the sensor cannot measure is an empty cell. Each number is the shortest text that reads
     // back to the same double.
     // setup: throws std::runtime_error if writing fails
-    void write(double t_s, const Estimate& estimate, std::string_view quality);
+    // `budget`: the numbers of struct tactiled_budget in its order, if the file has them.
+    void write(double t_s, const Estimate& estimate, std::string_view quality, const tactiled_budget& budget = {});
     void close();  // throws like write()
 
 private:
@@ -112,6 +113,7 @@ private:
     std::string name_;
     File file_;
     std::string row_;
+    bool has_budget_;
 };
 
 }  // namespace tactiled

@@ -40,6 +40,22 @@ struct TemperatureInUse {
     double difference_K = 0;  // largest difference between two channels, or between a channel and the thermometer
 };
 
+// How the errors of a calibration correlate. Constant while the decoupler exists.
+struct Correlations {
+    std::array<float, 15> between{};  // of two components; the order of tactiled_budget.correlation
+    Wrench full_scale{kNoLoad, kNoLoad, kNoLoad, kNoLoad, kNoLoad, kNoLoad};
+    // Of the calibration errors under two loads at the distance d in full scales: alike / (1 + (d / alike_within)^2). NaN:
+    // not known.
+    float alike = std::numeric_limits<float>::quiet_NaN(), alike_within = 1;
+    std::uint32_t model = 0;  // tactiled_budget.model
+
+    static constexpr double kNoLoad = std::numeric_limits<double>::infinity();  // not measured, or without a full scale
+    // Returns the index of components c < d in `between`.
+    static constexpr std::size_t index(std::size_t c, std::size_t d) noexcept { return c * (9 - c) / 2 + d - 1; }
+    static const Correlations kNone;
+};
+inline constexpr Correlations Correlations::kNone{};
+
 struct Estimate {
     Wrench wrench_S = kUnseen;
     Wrench sd = kUnseen;        // one standard deviation
@@ -48,8 +64,11 @@ struct Estimate {
     double residual = kNaN;     // difference from the model, in standard deviations of the channels
     // Centre of pressure where the model finds it by itself, and its sd; else NaN: place.hpp computes it from the wrench.
     std::array<double, 2> cop_S_m{kNaN, kNaN}, cop_sd_m{kNaN, kNaN};
-    std::array<double, 2> correlation{};  // errors of fz with those of mx and of my
-    std::uint32_t direction = 0;          // method "signs": row of the decision table, 0 = none or not this method
+    // Parts of sd: what differs from sample to sample, the instrument of the labels, and temperature. The rest is the
+    // calibration's.
+    Wrench noise{}, reference{}, temperature{};
+    const Correlations* correlations = &Correlations::kNone;  // of the decoupler; never nullptr
+    std::uint32_t direction = 0;  // method "signs": row of the decision table, 0 = none or not this method
 
     [[nodiscard]] tactiled_quality quality() const noexcept {
         return tactiled_quality(tactiled_verdict(reasons, has_value));

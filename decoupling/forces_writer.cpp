@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <iterator>
+#include <span>
 #include <stdexcept>
 
 #include "decoupling/csv.hpp"
@@ -13,18 +14,32 @@ namespace {
 
 std::string why_not_opened(const std::string& path) { return fmt::format("{}: {}", path, std::strerror(errno)); }
 
+// The columns of struct tactiled_budget.
+std::string budget_columns() {
+    constexpr std::string_view kWords[] = {TACTILED_PART_TABLE(TACTILED_WORD_OF_PART_)};
+    std::string columns;
+    for (const std::string_view word : kWords)
+        for (const auto& component : kComponentNames) columns += fmt::format(",{}_{}", word, component);
+    for (std::size_t c = 0; c < 6; ++c)
+        for (std::size_t d = c + 1; d < 6; ++d) columns += fmt::format(",r_{}_{}", kComponentNames[c], kComponentNames[d]);
+    for (const auto& component : kComponentNames) columns += fmt::format(",load_{}", component);
+    return columns + ",alike,alike_within,model";
+}
+
 }  // namespace
 
-ForcesWriter::ForcesWriter(const std::string& path) : name_(path == "-" ? "standard output" : path) {
+ForcesWriter::ForcesWriter(const std::string& path, bool has_budget)
+    : name_(path == "-" ? "standard output" : path), has_budget_(has_budget) {
     file_.reset(path == "-" ? stdout : std::fopen(path.c_str(), "we"));
     if (file_ == nullptr) throw SetupError(why_not_opened(path));
     // A consumer at the other end of a pipe receives each row immediately and not after 4 kB.
     if (path == "-") std::setvbuf(stdout, nullptr, _IOLBF, 1u << 16);
     put("t_s,fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm,sd_fx_N,sd_fy_N,sd_fz_N,quality,cop_x_m,cop_y_m,direction,residual,"
-        "sd_mx_Nm,sd_my_Nm,sd_mz_Nm,sd_cop_x_m,sd_cop_y_m\n");
+        "sd_mx_Nm,sd_my_Nm,sd_mz_Nm,sd_cop_x_m,sd_cop_y_m" +
+        (has_budget ? budget_columns() : "") + "\n");
 }
 
-void ForcesWriter::write(double t_s, const Estimate& estimate, std::string_view quality) {
+void ForcesWriter::write(double t_s, const Estimate& estimate, std::string_view quality, const tactiled_budget& budget) {
     row_.clear();
     const auto add = [&](double number) {
         if (std::isfinite(number)) fmt::format_to(std::back_inserter(row_), "{}", number);
@@ -44,6 +59,17 @@ void ForcesWriter::write(double t_s, const Estimate& estimate, std::string_view 
     add(estimate.residual);
     for (std::size_t c = 3; c < 6; ++c) add(estimate.sd[c]);
     for (const double sd : estimate.cop_sd_m) add(sd);
+    if (has_budget_) {
+        const auto add_all = [&](std::span<const float> numbers) {
+            for (const float number : numbers) add(double(number));
+        };
+        for (const auto& part : budget.sd_part) add_all(part);
+        add_all(budget.correlation);
+        add_all(budget.load);
+        add_all({&budget.alike, 1});
+        add_all({&budget.alike_within, 1});
+        fmt::format_to(std::back_inserter(row_), "{},", budget.model);
+    }
     row_.back() = '\n';
     put(row_);
 }

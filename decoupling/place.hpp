@@ -48,10 +48,12 @@ struct PressPlace {
     return place;
 }
 
-// Returns the covariances of fz with mx and with my from their correlations. rt: wait-free
-[[nodiscard]] inline std::array<double, 2> covariance_of(const std::array<double, 2>& correlation,
-                                                         const Wrench& sd) noexcept {
-    return {correlation[0] * sd[2] * sd[3], correlation[1] * sd[2] * sd[4]};
+// Returns the covariances of fz with mx and with my. rt: wait-free
+[[nodiscard]] inline std::array<double, 2> covariance_of(const Correlations& correlations, const Wrench& sd) noexcept {
+    const auto of = [&](std::size_t moment) {
+        return double(correlations.between[Correlations::index(2, moment)]) * sd[2] * sd[moment];
+    };
+    return {of(3), of(4)};
 }
 
 // Returns the place that a model has found by itself with its `sd_of_model` of the wrench, for the published wrench and sd:

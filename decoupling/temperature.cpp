@@ -96,8 +96,9 @@ private:
 
     static void widen(const Term& term, Estimate& estimate) noexcept {
         for (std::size_t c = 0; c < 6; ++c) {
-            const double of_gain = term.gain * estimate.wrench_S[c];
-            estimate.sd[c] = std::sqrt(estimate.sd[c] * estimate.sd[c] + term.squared[c] + of_gain * of_gain);
+            const double of_gain = term.gain * estimate.wrench_S[c], variance = term.squared[c] + of_gain * of_gain;
+            estimate.temperature[c] = std::sqrt(variance);
+            estimate.sd[c] = std::sqrt(estimate.sd[c] * estimate.sd[c] + variance);
         }
         if (!term.is_known) {
             estimate.sd = kUnseen;

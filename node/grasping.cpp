@@ -38,9 +38,10 @@ Grasping::Grasping(const std::optional<Setup>& setup, const std::optional<tool::
     take(setup->objects);
 }
 
-void Grasping::observe(std::uint32_t sensor, const tactiled_sample& s, const Wrench& zero_S) noexcept {
+void Grasping::observe(std::uint32_t sensor, const tactiled_placed& placed, const Wrench& zero_S) noexcept {
+    const tactiled_sample& s = placed.sample;
     if ((s.reasons & TACTILED_STEPPED) != 0) return;  // not confirmed: no event of the grasp
-    if (const int index = tool_of_sensor_[sensor]; index >= 0) observe_tool(std::size_t(index), s, zero_S);
+    if (const int index = tool_of_sensor_[sensor]; index >= 0) observe_tool(std::size_t(index), placed, zero_S);
     const int jaw = jaw_of_sensor_[sensor];
     if (jaw < 0) return;
     grasp::JawSample observed;
@@ -67,7 +68,8 @@ void Grasping::observe(std::uint32_t sensor, const tactiled_sample& s, const Wre
     estimator_->sample(std::size_t(jaw), observed);
 }
 
-void Grasping::observe_tool(std::size_t index, const tactiled_sample& s, const Wrench& zero_S) noexcept {
+void Grasping::observe_tool(std::size_t index, const tactiled_placed& placed, const Wrench& zero_S) noexcept {
+    const tactiled_sample& s = placed.sample;
     tool::Sample observed;
     observed.t_ns = s.t_ns;
     observed.quality = quality_of(s);
@@ -76,6 +78,7 @@ void Grasping::observe_tool(std::size_t index, const tactiled_sample& s, const W
     observed.tare_S = zero_S;
     observed.raw_S = wrench_of(s.raw_force_S_N, s.raw_torque_S_Nm);  // not low-passed
     observed.sd = wrench_of(s.sd_force_N, s.sd_torque_Nm);
+    observed.budget = placed.budget;
     tool_->sample(index, observed);
 }
 

@@ -27,7 +27,7 @@ public:
     // Takes a sample of a sensor, also a BAD one; `zero_S` is the zero that its tare subtracts. A sensor that is neither a
     // jaw nor a part of the tool is ignored.
     // rt: wait-free
-    void observe(std::uint32_t sensor, const tactiled_sample& sample, const Wrench& zero_S) noexcept;
+    void observe(std::uint32_t sensor, const tactiled_placed& placed, const Wrench& zero_S) noexcept;
 
     // Executes a command for the grasp or the tool. Returns false if it is not possible now. rt: wait-free
     bool carry_out(const Command& command) noexcept;
@@ -47,7 +47,7 @@ public:
     [[nodiscard]] bool hints_expired() const noexcept { return hints_expired_; }
 
 private:
-    void observe_tool(std::size_t index, const tactiled_sample& sample, const Wrench& zero_S) noexcept;
+    void observe_tool(std::size_t index, const tactiled_placed& placed, const Wrench& zero_S) noexcept;
     bool take_report(const Command& command) noexcept;
     void take(std::span<const TaughtObject> objects) noexcept;
     void hand_over_objects() noexcept;

@@ -9,7 +9,7 @@ bridges=(libmosquitto-dev cyclonedds-dev cyclonedds-tools)
 demo=(mbpoll python3)
 tests=(git mold libgtest-dev librapidcheck-dev mbpoll python3 python3-pymodbus python3-serial-asyncio procps strace
     socat nmap tshark python3-jsonschema python3-prometheus-client
-    python3-lz4 python3-zstandard hunspell hunspell-en-us hunspell-en-gb mosquitto mosquitto-clients openssl)
+    python3-lz4 python3-zstandard python3-numpy hunspell hunspell-en-us hunspell-en-gb mosquitto mosquitto-clients openssl)
 browser=(chromium chromium-driver python3-selenium)
 kernel=(qemu-system-x86 busybox-static iproute2 can-utils cpio kmod python3 binutils libelf-dev make gcc xz-utils zstd)
 packaging=(help2man dpkg-dev file)

@@ -62,22 +62,23 @@ void Pipeline::deliver(Link& link, const Frame& frame, const Taxels& taxels, std
         const bool had_data = sensor.is_delivering();
         if (const int other = sensor.temperature_of_sensor(); other >= 0)
             sensor.take_temperature(sensors_[std::size_t(other)].last());
-        tactiled_sample sample = sensor.sample(frame, now_ns, taxels);
+        (void)sensor.sample(frame, now_ns, taxels);
         if (had_data && !sensor.is_delivering()) record_.latch_lost_sensor(true);
-        if (const int other = sensor.agrees_with(); other >= 0) sample = sensor.compare(sensors_[std::size_t(other)].last());
-        publish(binding.sensor, sample);
+        if (const int other = sensor.agrees_with(); other >= 0) (void)sensor.compare(sensors_[std::size_t(other)].last());
+        publish(binding.sensor);
     }
     if (!bound) segment_.set_link_count(link.index, TACTILED_LINK_UNBOUND, ++link.unbound);
 }
 
 // ---- publish: sample -> grasp, segment, node record ----------------------------------------------------------------------
 
-void Pipeline::publish(std::uint32_t sensor, const tactiled_sample& sample) noexcept {
-    grasping_->observe(sensor, sample, sensors_[sensor].zero_S());
+void Pipeline::publish(std::uint32_t sensor) noexcept {
+    const tactiled_placed& placed = sensors_[sensor].placed();
+    const tactiled_sample& sample = placed.sample;
+    grasping_->observe(sensor, placed, sensors_[sensor].zero_S());
     if (Patch* const patch = sensors_[sensor].patch())
         segment_.publish_array(sensor, sample.sequence, patch->record(sample));
-    const auto& cop_sd_m = sensors_[sensor].cop_sd_m();
-    segment_.publish(sensor, sample, {float(cop_sd_m[0]), float(cop_sd_m[1])});
+    segment_.publish(sensor, placed);
     segment_.count_reasons(sensor, sample.reasons);
     record_.add(sensor, sample);
 }
@@ -133,7 +134,8 @@ void Pipeline::mark_discontinuities(std::uint64_t now_ns) noexcept {
     for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
         const bool had_data = sensors_[i].is_delivering(), connected = link_of_sensor_[i]->was_connected;
         if (!sensors_[i].has_discontinuity(connected, now_ns)) continue;
-        publish(i, sensors_[i].marker(now_ns));
+        (void)sensors_[i].marker(now_ns);
+        publish(i);
         if (had_data) record_.latch_lost_sensor(connected);
     }
 }
@@ -156,7 +158,8 @@ Pipeline::Pipeline(std::vector<std::unique_ptr<Link>>& links, std::vector<Sensor
 void Pipeline::start(std::uint64_t now_ns) noexcept {
     for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
         sensors_[i].start(segment_.epoch(), now_ns);
-        publish(i, sensors_[i].marker(now_ns));
+        (void)sensors_[i].marker(now_ns);
+        publish(i);
     }
     record_.start(now_ns);
     publish_node(now_ns);
@@ -164,9 +167,8 @@ void Pipeline::start(std::uint64_t now_ns) noexcept {
 
 void Pipeline::stop(std::uint64_t now_ns) noexcept {
     for (std::uint32_t i = 0; i < sensors_.size(); ++i) {
-        tactiled_sample last = sensors_[i].marker(now_ns);
-        tactiled_invalidate(&last, TACTILED_DAEMON_STOPPED);
-        publish(i, last);
+        sensors_[i].stop(now_ns);
+        publish(i);
     }
     publish_node(now_ns);
 }

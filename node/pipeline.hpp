@@ -115,7 +115,7 @@ private:
     [[nodiscard]] std::uint64_t next_deadline_ns(std::uint64_t now_ns) const noexcept;
     void deliver(Link& link, std::uint64_t now_ns) noexcept;
     void deliver(Link& link, const Frame& frame, const Taxels& taxels, std::uint64_t now_ns) noexcept;
-    void publish(std::uint32_t sensor, const tactiled_sample& sample) noexcept;
+    void publish(std::uint32_t sensor) noexcept;
     void publish_node(std::uint64_t now_ns) noexcept;
     void mark_discontinuities(std::uint64_t now_ns) noexcept;
     void take_replacement(std::uint64_t now_ns) noexcept;

@@ -33,7 +33,8 @@ void Pipeline::take(Replacement& replacement, std::uint64_t now_ns) noexcept {
         }
         part.sensor->succeed(running);
         std::swap(running, *part.sensor);
-        publish(part.index, running.marker(now_ns));
+        (void)running.marker(now_ns);
+        publish(part.index);
     }
     // The directory changes after the samples. Otherwise a reader could take a force of the old calibration for a force of
     // the new one.

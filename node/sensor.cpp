@@ -36,10 +36,9 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns, const T
     tactiled_sample s = next_sample(frame.t_ns, now_ns);
     s.device_sequence = frame.has_sequence ? frame.sequence : 0;
     s.rate_Hz = stream_.rate_Hz();
-    const Estimate e = estimate(frame, taxels, s);
+    const Estimate& e = estimate_ = estimate(frame, taxels, s);
     put(e, s);
     of_model_ = {e.cop_S_m, e.cop_sd_m};
-    correlation_ = e.correlation;
     s.epoch = epoch();  // set after the estimate, because a channel that froze begins a new epoch
     judge_age(frame.age, s);
     tactiled_put_verdict(&s, e.has_value);
@@ -57,12 +56,17 @@ tactiled_sample Sensor::sample(const Frame& frame, std::uint64_t now_ns, const T
     put_tared(s);
     judge_magnitude(s);
     follow_rest(s);
-    if (s.quality == TACTILED_BAD) {
-        tactiled_invalidate(&s, 0);
-        cop_sd_m_ = {kNaN, kNaN};
-    }
-    last_ = s;
+    keep(s);
     return s;
+}
+
+// Keeps the sample with what is appended to it.
+inline void Sensor::keep(tactiled_sample& s) noexcept {
+    if (s.quality == TACTILED_BAD) tactiled_invalidate(&s, 0);
+    placed_.sample = s;
+    if (s.quality == TACTILED_BAD) return tactiled_forget_appended(&placed_, 0);
+    put_parts(estimate_, sd_, placed_.budget);
+    put_correlations(*estimate_.correlations, estimate_.wrench_S, placed_.budget);
 }
 
 // A value whose age is not proved may be arbitrarily old.
@@ -107,7 +111,7 @@ inline tactiled_sample Sensor::late_sample(const Frame& frame, std::uint64_t now
     s.t_ns = frame.t_ns;
     s.device_sequence = frame.has_sequence ? frame.sequence : 0;
     own_quality_ = s.quality;
-    last_ = s;
+    keep(s);
     return s;
 }
 
@@ -259,11 +263,10 @@ inline void Sensor::follow_tare(tactiled_sample& s) noexcept {
 inline void Sensor::judge_zero(tactiled_sample& s) noexcept {
     if (s.quality == TACTILED_BAD) return;
     zero_.follow(true_ns(s.t_ns));
-    sd_of_model_ = wrench_of(s.sd_force_N, s.sd_torque_Nm);
+    sd_.of_model = sd_.with_zero = wrench_of(s.sd_force_N, s.sd_torque_Nm);
     if (zero_.is_known(method_)) {
-        Wrench sd = sd_of_model_;
-        if (zero_.widen(sd)) s.reasons |= TACTILED_ZERO_OLD;
-        return put_wrench(sd, s.sd_force_N, s.sd_torque_Nm);
+        if (zero_.widen(sd_.with_zero)) s.reasons |= TACTILED_ZERO_OLD;
+        return put_wrench(sd_.with_zero, s.sd_force_N, s.sd_torque_Nm);
     }
     if (zero_.is_missing()) s.reasons |= TACTILED_ZERO_UNKNOWN;
     s.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
@@ -290,6 +293,7 @@ void Sensor::put_tared(tactiled_sample& s) noexcept {
         else
             low_pass_.hold(tared, sd);
         put_wrench(sd, s.sd_force_N, s.sd_torque_Nm);
+        sd_.published = sd;
         put_place(tared, sd, s);
     }
     put_wrench(tared, s.force_S_N, s.torque_S_Nm);
@@ -299,10 +303,10 @@ void Sensor::put_tared(tactiled_sample& s) noexcept {
 // subtracts the zero of a tare from its taxels.
 inline void Sensor::put_place(const Wrench& tared, const Wrench& sd, tactiled_sample& s) noexcept {
     const bool is_of_model = patch_ != nullptr || (s.tare_count == 0 && std::isfinite(of_model_.cop_S_m[0]));
-    const PressPlace place = is_of_model ? published(of_model_, tared, sd, sd_of_model_)
-                                         : place_of(tared, sd, covariance_of(correlation_, sd_of_model_));
+    const PressPlace place = is_of_model ? published(of_model_, tared, sd, sd_.of_model)
+                                         : place_of(tared, sd, covariance_of(*estimate_.correlations, sd_.of_model));
     std::copy_n(place.cop_S_m.begin(), 2, s.cop_S_m);
-    cop_sd_m_ = place.sd_m;
+    std::copy_n(place.sd_m.begin(), 2, placed_.cop_sd_m);
 }
 
 // Sets contact, overload and peak from the measured components. Contact and overload do not wait for a confirmation, but
@@ -350,22 +354,24 @@ inline void Sensor::end_rest() noexcept {
     for (std::size_t i = 0; i < 3; ++i)
         if (std::isfinite(rest_S[i])) squares += rest_S[i] * rest_S[i];
     rest_N_ = std::sqrt(squares);
-    if (!is_free_ || rest_.has_moved(sd_of_model_)) return;
+    if (!is_free_ || rest_.has_moved(sd_.of_model)) return;
     const Wrench zero = zero_S();
     for (std::size_t i = 0; i < rest_S.size(); ++i) rest_S[i] -= zero[i];
-    zero_.rest(rest_S, sd_of_model_);
+    zero_.rest(rest_S, sd_.of_model);
 }
 
 const tactiled_sample& Sensor::compare(const tactiled_sample& others) noexcept {
-    const bool differed = agreement_.differs(), differs = agreement_.compare(last_, others);
+    tactiled_sample& last = placed_.sample;
+    const bool differed = agreement_.differs(), differs = agreement_.compare(last, others);
     if (differed && !differs) {  // a doubtful value must not contribute to a GOOD value, either
         low_pass_.reset();
-        put_tared(last_);
+        put_tared(last);
+        keep(last);
     }
-    if (!differs || last_.quality == TACTILED_BAD) return last_;
-    last_.reasons |= TACTILED_SENSORS_DIFFER;
-    tactiled_put_verdict(&last_, true);
-    return last_;
+    if (!differs || last.quality == TACTILED_BAD) return last;
+    last.reasons |= TACTILED_SENSORS_DIFFER;
+    tactiled_put_verdict(&last, true);
+    return last;
 }
 
 // ---- no frame ----------------------------------------------------------------------------------------------------------
@@ -377,8 +383,7 @@ tactiled_sample Sensor::marker(std::uint64_t now_ns) noexcept {
     s.peak_N = peak_N_;
     has_contact_ = false;
     tactiled_invalidate(&s, stream_.broken());
-    cop_sd_m_ = {kNaN, kNaN};
-    last_ = s;
+    keep(s);
     return s;
 }
 

@@ -17,6 +17,7 @@
 #include "drivers/frame.hpp"
 #include "drivers/taxels.hpp"
 #include "node/agreement.hpp"
+#include "node/budget.hpp"
 #include "node/continuity.hpp"
 #include "node/jump_check.hpp"
 #include "node/low_pass.hpp"
@@ -119,11 +120,16 @@ public:
     [[nodiscard]] std::uint64_t deadline_ns(std::uint64_t now_ns) const noexcept { return stream_.deadline_ns(now_ns); }
     // Returns a BAD sample with the reason why there is no value. rt: wait-free
     [[nodiscard]] tactiled_sample marker(std::uint64_t now_ns) noexcept;
+    // Does the same as the daemon stops. rt: wait-free
+    void stop(std::uint64_t now_ns) noexcept {
+        (void)marker(now_ns);
+        tactiled_invalidate(&placed_.sample, TACTILED_DAEMON_STOPPED);
+    }
     [[nodiscard]] bool is_delivering() const noexcept { return stream_.broken() == 0; }
 
     // Returns true if the present value may be a zero and no tare is running. rt: wait-free
     [[nodiscard]] bool can_tare() const noexcept {
-        return is_delivering() && Zero::can_be_zero(last_) && zero_.tare() == Tare::none;
+        return is_delivering() && Zero::can_be_zero(placed_.sample) && zero_.tare() == Tare::none;
     }
     // Begins to average a new zero; can_tare() must be true. rt: wait-free
     void begin_tare(std::uint64_t now_ns) noexcept {
@@ -160,9 +166,9 @@ public:
     // Restarts the peak with the next sample. rt: wait-free
     void reset_peak() noexcept { peak_N_ = 0; }
 
-    [[nodiscard]] const tactiled_sample& last() const noexcept { return last_; }
-    // Standard deviation of the centre of pressure of the last sample, m; NaN where it has none. rt: wait-free
-    [[nodiscard]] const std::array<double, 2>& cop_sd_m() const noexcept { return cop_sd_m_; }
+    [[nodiscard]] const tactiled_sample& last() const noexcept { return placed_.sample; }
+    // Returns the record of the last sample. rt: wait-free
+    [[nodiscard]] const tactiled_placed& placed() const noexcept { return placed_; }
     // Returns the zeros of the tare in force and their id, for the next start of the daemon. rt: wait-free
     [[nodiscard]] TaredZero tared_zero() const noexcept { return zero_.tared(); }
     [[nodiscard]] std::uint32_t zero_id() const noexcept { return setup_.zero_id; }
@@ -208,6 +214,7 @@ private:
     }
     void take_over_method() noexcept;
     void put_method(tactiled_sample& sample) const noexcept;
+    inline void keep(tactiled_sample& sample) noexcept;
     inline void judge_age(Frame::Age age, tactiled_sample& sample) const noexcept;
     inline void follow_device(const Frame& frame, bool has_all) noexcept;
     inline void judge_jump(std::uint32_t lost, tactiled_sample& sample) noexcept;
@@ -252,7 +259,8 @@ private:
     bool is_free_ = false;     // it may show the zero
     bool may_hold_ = false;    // an object may be held
     double rest_N_ = 0;        // magnitude of the last rest's mean, before the tare
-    Wrench sd_of_model_{};     // without that of the zero, in the last sample
+    Estimate estimate_;        // of the last sample
+    SdStages sd_;
     Thermometer thermometer_;
     std::size_t method_ = 0;  // method "auto": method of zero_S() and low_pass_; else 0
     LowPass low_pass_;
@@ -261,10 +269,9 @@ private:
     std::array<double, kMaxChannels> channel_{};  // channels of the last frame, in the unit of the calibration
     double others_temperature_C_ = kNaN;
     float peak_N_ = 0;
-    bool has_contact_ = false;  // the last confirmed sample had contact
-    PressPlace of_model_{};     // the place that the model found by itself, in the last sample
-    std::array<double, 2> correlation_{}, cop_sd_m_{kNaN, kNaN};
-    tactiled_sample last_{};
+    bool has_contact_ = false;                  // the last confirmed sample had contact
+    PressPlace of_model_{};                     // the place that the model found by itself, in the last sample
+    tactiled_placed placed_{};                  // the last sample, and what is appended to it
     std::uint32_t own_quality_ = TACTILED_BAD;  // quality of the last confirmed sample, before it was compared
     std::uint64_t sequence_ = 0;
     std::uint32_t daemon_epoch_ = 0;

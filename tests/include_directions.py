@@ -13,8 +13,8 @@ ALLOWED = {  # folder: prefixes of our own headers that its files may include
     "config": ["config/"],
     "drivers": ["config/options.hpp", "config/registry.hpp", "config/names.hpp", "drivers/", "tactiled/layout.h"],
     "decoupling": ["config/options.hpp", "config/registry.hpp", "config/names.hpp", "config/calibration.hpp", "drivers/taxels.hpp", "decoupling/",
-                   "tactiled/layout.h"],
-    "node/include/tactiled": ["folder.h", "layout.h", "mapping.h", "reader.h"],
+                   "tactiled/layout.h", "tactiled/uncertainty.h"],
+    "node/include/tactiled": ["folder.h", "layout.h", "mapping.h", "reader.h", "uncertainty.h"],
     "node": ["config/", "drivers/", "decoupling/", "node/", "tactiled/"],
     "node/lab": ["config/", "drivers/", "decoupling/", "node/", "tactiled/"],
 }

@@ -1,4 +1,5 @@
 #include "decoupling/fit/trial.hpp"
+#include "decoupling/fit/error_structure.hpp"
 
 #include <fmt/format.h>
 
@@ -107,6 +108,7 @@ void validate_once(const Labelled& labelled, const Rows& rows, const ZeroDrift& 
         widen_sd(calibration, i, own[c] / trial.validation.rms[c]);
     }
     include_tares(rows, report.zeros, trial);
+    set_error_structure(trial.validation, calibration);
 }
 
 // Removes the correction of the components whose held-out error it does not lower: its rows in the tables with a row per

@@ -44,34 +44,6 @@ double freedom_of(const Validation& validation, std::size_t c, const Calibration
     return std::max(2.0, double(loads_of(rows).back() + 1) - double(calibration.channels.size() + 1));
 }
 
-// Returns the correlation of the errors of fz with those of mx and of my, in units of the stated sd; empty if the
-// calibration does not see fz and one of them.
-std::vector<double> correlation_of(const std::vector<HeldOut>& rows, const Calibration& calibration) {
-    const auto index = [&](std::size_t c) {
-        const auto& names = calibration.components;
-        return std::size_t(std::ranges::find(names, kComponentNames[c]) - names.begin());
-    };
-    const std::size_t n = calibration.components.size(), fz = index(2);
-    if (fz == n || (index(3) == n && index(4) == n)) return {};
-    std::vector<double> result(2, 0);
-    for (std::size_t k = 0; k < 2; ++k) {
-        const std::size_t moment = index(3 + k);
-        if (moment == n) continue;
-        double both = 0, of_force = 0, of_moment = 0;
-        for (const HeldOut& one : rows) {
-            const double a = (one.estimated_S[2] - one.row->wrench_S[2]) / stated_sd(calibration, fz, one.estimated_S);
-            const double b =
-                (one.estimated_S[3 + k] - one.row->wrench_S[3 + k]) / stated_sd(calibration, moment, one.estimated_S);
-            if (!std::isfinite(a * b)) continue;
-            both += a * b;
-            of_force += a * a;
-            of_moment += b * b;
-        }
-        if (of_force > 0 && of_moment > 0) result[k] = std::clamp(both / std::sqrt(of_force * of_moment), -1.0, 1.0);
-    }
-    return result;
-}
-
 }  // namespace
 
 void set_uncertainty(const Validation& validation, Calibration& calibration, bool takes_unloading) {
@@ -81,7 +53,6 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
         calibration.sd_slope.clear();
         calibration.sd_load.clear();
         calibration.sd_unloading.clear();
-        calibration.correlation.clear();
     };
     clear();
     const auto distance = below_peak(validation.rows, calibration);
@@ -120,7 +91,6 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
     }
     for (auto* sd : {&calibration.sd_load, &calibration.sd_unloading})
         if (std::all_of(sd->begin(), sd->end(), [](double each) { return each == 0; })) sd->clear();
-    calibration.correlation = correlation_of(rows, calibration);
 }
 
 }  // namespace tactiled

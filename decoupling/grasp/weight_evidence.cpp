@@ -1,5 +1,6 @@
 // Checks a weight: agreement of the jaws with each other, and of the weight with its earlier values.
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -68,12 +69,16 @@ Weight::Findings Weight::examine(std::span<const JawForces> forces, double mass_
     const std::array<double, kMaxJaws> even{};
     const double tolerance = std::max(kShare, kShareSds * share_sd_);
     const Shares shares = shares_of(forces, shown ? check_.off : even, tolerance);
+    // The sum of all jaws is the weight, whatever their shares are; only a jaw without a sensor is inferred from these.
+    const bool infers = std::popcount(carrying()) < int(n_all_);
     if (shares.known) {
         found.off = shares.off;
-        found.jaws |= shares.jaws;
-        if (shares.jaws != 0)
-            found.doubts |= std::uint32_t(shares.dead != 0 ? TACTILED_DOUBT_DEAD_SHEAR : TACTILED_DOUBT_SHARES);
-        found.sd_kg = kShareInSd * std::max(0.0, shares.max_off - 3 * share_sd_) * std::abs(mass_kg);
+        if (shares.dead != 0 || infers) {
+            found.jaws |= shares.jaws;
+            if (shares.jaws != 0)
+                found.doubts |= std::uint32_t(shares.dead != 0 ? TACTILED_DOUBT_DEAD_SHEAR : TACTILED_DOUBT_SHARES);
+        }
+        if (infers) found.sd_kg = kShareInSd * std::max(0.0, shares.max_off - 3 * share_sd_) * std::abs(mass_kg);
     }
     if (all_face_) {
         const bool reported = acceleration_reported_ && block(0).acceleration_known;

@@ -89,6 +89,7 @@ Patch::Patch(const CalibrationData& data, std::string& fault)
     had_no_zero_.assign(places_.n, 0);
     out_.reserve(places_.n);
     record_.assign(record_size() / sizeof(std::uint64_t), 0);
+    correlations_ = correlations_of(calibration);
     if (calibration.nominal) always_ |= TACTILED_UNCALIBRATED;
     if (law_.models().is_empty() && data.table("taxel_sd") == nullptr) always_ |= TACTILED_UNKNOWN_UNCERTAINTY;
     for (std::size_t i = 0; i < calibration.components.size(); ++i) {
@@ -210,6 +211,7 @@ void Patch::put_sums(Estimate& estimate) noexcept {
     std::uint8_t states = 0;
     for (const std::uint8_t state : forces_.state) states |= state;
     if ((states & TACTILED_TAXEL_OUTSIDE) != 0) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+    estimate.correlations = &correlations_;
     estimate.has_value = is_finite;
     if (is_finite) return;
     estimate.reasons |= TACTILED_NOT_FINITE;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "decoupling/correlations.hpp"
 #include "decoupling/decoupler.hpp"
 #include "decoupling/patch/contact.hpp"
 #include "decoupling/patch/crosstalk.hpp"
@@ -81,6 +82,7 @@ private:
     std::uint32_t always_ = 0;  // reasons of every sample
     std::array<bool, 6> seen_{};
     std::array<double, 6> full_scale_{}, sd_{}, sd_slope_{};
+    Correlations correlations_;
     // Forces on the taxels, as they show them with crosstalk, and without a load; the mean of a tare is of those shown.
     TaxelForces forces_, shown_, zero_, zero_shown_, mean_;
     Wrench zero_S_{};  // of zero_

@@ -30,7 +30,10 @@ CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, s
       needed_(needed & used_),
       always_((calibration.nominal ? std::uint32_t(TACTILED_UNCALIBRATED) : 0u) |
               (calibration.sd.empty() ? std::uint32_t(TACTILED_UNKNOWN_UNCERTAINTY) : 0u)),
+      reference_gain_(calibration.reference_gain_sd),
+      has_reference_(!calibration.reference_sd.empty() || reference_gain_ > 0),
       load_(calibration),
+      correlations_(correlations_of(calibration)),
       domain_(calibration) {
     std::copy_n(calibration.zero.begin(), n_, zero_);
     std::fill_n(full_scale_, 6, std::numeric_limits<double>::infinity());
@@ -40,12 +43,13 @@ CheckedModel::CheckedModel(const Calibration& calibration, std::uint32_t used, s
         sd_[c] = calibration.sd.empty() ? 1 : calibration.sd[i];
         if (!calibration.sd_slope.empty()) sd_slope_[c] = calibration.sd_slope[i];
         if (!calibration.sd_load.empty()) sd_load_[c] = calibration.sd_load[i];
+        if (!calibration.sd_noise.empty()) noise_[c] = calibration.sd_noise[i];
+        if (!calibration.reference_sd.empty()) reference_[c] = calibration.reference_sd[i];
         depends_on_load_ = depends_on_load_ || sd_load_[c] > 0;
         if (!calibration.full_scale.empty()) full_scale_[c] = (1 + kDomainMargin) * calibration.full_scale[i];
         const bool can_be_squared = std::abs(sd_[c]) >= kMinSquared && std::abs(sd_[c]) <= kMaxSquared;
         max_squared_[c] = can_be_squared ? std::min({kMaxFinite, full_scale_[c], kMaxSquared / std::abs(sd_slope_[c])}) : -1;
     }
-    if (!calibration.correlation.empty()) std::copy_n(calibration.correlation.begin(), 2, correlation_.begin());
     std::iota(order_, order_ + 6, std::size_t{0});
     const auto is_seen = [this](std::size_t c) { return seen_[c]; };
     n_seen_ = std::size_t(std::stable_partition(order_, order_ + 6, is_seen) - order_);
@@ -119,7 +123,7 @@ inline void CheckedModel::check_components(const Input& input, Estimate& estimat
     }
     estimate.reasons |= always_ | (outside ? std::uint32_t(TACTILED_OUTSIDE_DOMAIN) : 0u);
     estimate.has_value = true;
-    estimate.correlation = correlation_;
+    estimate.correlations = &correlations_;
     if ((estimate.reasons & TACTILED_UNKNOWN_UNCERTAINTY) != 0) {
         estimate.cop_sd_m = {kNaN, kNaN};
         return;
@@ -127,6 +131,7 @@ inline void CheckedModel::check_components(const Input& input, Estimate& estimat
     if (!can_be_squared) [[unlikely]] {
         for (std::size_t i = 0; i < n_seen_; ++i)
             estimate.sd[order_[i]] = input.sd_factor[order_[i]] * stated_sd(order_[i], wrench);
+        put_parts(input, estimate);
         return;
     }
     double load_squared = 0;
@@ -138,6 +143,24 @@ inline void CheckedModel::check_components(const Input& input, Estimate& estimat
         const double sloped = sd_slope_[c] * wrench[c];
         estimate.sd[c] =
             input.sd_factor[c] * std::sqrt(sd_[c] * sd_[c] + sloped * sloped + sd_load_[c] * sd_load_[c] * load_squared);
+    }
+    put_parts(input, estimate);
+}
+
+// The error of the reference is no error that held-out rows show: it is added to theirs, and has the sign of the component
+// where it is an error of gain.
+inline void CheckedModel::put_parts(const Input& input, Estimate& estimate) const noexcept {
+    for (std::size_t i = 0; i < n_seen_; ++i) {
+        const std::size_t c = order_[i];
+        estimate.noise[c] = input.sd_factor[c] * noise_[c];
+    }
+    if (!has_reference_) return;
+    for (std::size_t i = 0; i < n_seen_; ++i) {
+        const std::size_t c = order_[i];
+        const double of_gain = reference_gain_ * estimate.wrench_S[c];
+        const double reference = std::hypot(reference_[c], of_gain);
+        estimate.reference[c] = std::copysign(reference, of_gain);
+        estimate.sd[c] = std::hypot(estimate.sd[c], reference);
     }
 }
 

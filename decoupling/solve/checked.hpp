@@ -8,6 +8,7 @@
 #include <string>
 
 #include "config/names.hpp"
+#include "decoupling/correlations.hpp"
 #include "decoupling/decoupler.hpp"
 #include "decoupling/solve/domain.hpp"
 #include "decoupling/solve/load_scale.hpp"
@@ -55,6 +56,7 @@ protected:
 private:
     // Sets usable and outside of `input` and the reasons. Returns false if a needed channel is missing. rt: wait-free
     bool check_channels(const Reading& reading, double* r, Input& input, Estimate& estimate) const noexcept;
+    void put_parts(const Input& input, Estimate& estimate) const noexcept;
     // Sets quality and sd and adds reasons; BAD if a component is not finite. rt: wait-free
     void check_components(const Input& input, Estimate& estimate) const noexcept;
 
@@ -65,14 +67,16 @@ private:
     std::uint32_t always_;
     // Plain arrays: the index of a std::array is checked here, and a loop that may end early is not vectorised.
     double zero_[kMaxChannels]{};
-    double full_scale_[6], sd_[6]{}, sd_slope_[6]{}, sd_load_[6]{};
+    double full_scale_[6], sd_[6]{}, sd_slope_[6]{}, sd_load_[6]{}, noise_[6]{}, reference_[6]{};
+    double reference_gain_ = 0;
+    bool has_reference_ = false;
     LoadScale load_;
     bool depends_on_load_ = false;
     // A component up to this magnitude is finite and within the full scale, and the squares of sd, sd_slope x
     // component and sd_load x load neither underflow nor overflow: the square root of their sum is then as good as
     // hypot(), which takes several times as long.
     double max_squared_[6]{};
-    std::array<double, 2> correlation_{};
+    Correlations correlations_;
     std::array<bool, 6> seen_{};
     std::size_t n_seen_, order_[6];  // the measured components, n_seen_ of them, then the others
     Domain domain_;

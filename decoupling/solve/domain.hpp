@@ -82,12 +82,17 @@ inline std::string fault_of_shared_parts(const Calibration& calibration) {
         return fmt::format("sd_slope has {} numbers for {} components", calibration.sd_slope.size(), rows);
     if (!calibration.sd_load.empty() && calibration.sd_load.size() != rows)
         return fmt::format("sd_load has {} numbers for {} components", calibration.sd_load.size(), rows);
-    if (!calibration.correlation.empty() && calibration.correlation.size() != 2)
-        return fmt::format("correlation has {} numbers, and needs 2: of fz with mx, and with my",
-                           calibration.correlation.size());
-    for (const auto* numbers : {&calibration.zero, &calibration.correlation, &calibration.channel_least,
-                                &calibration.channel_most, &calibration.sd, &calibration.sd_slope, &calibration.sd_load,
-                                &calibration.full_scale, &calibration.held_out_rms, &calibration.zero_drift})
+    if (!calibration.sd_noise.empty() && calibration.sd_noise.size() != rows)
+        return fmt::format("sd_noise has {} numbers for {} components", calibration.sd_noise.size(), rows);
+    if (!calibration.reference_sd.empty() && calibration.reference_sd.size() != rows)
+        return fmt::format("reference_sd has {} numbers for {} components", calibration.reference_sd.size(), rows);
+    if (!calibration.correlation.empty() && calibration.correlation.size() != rows * (rows - 1) / 2)
+        return fmt::format("correlation has {} numbers, and needs {}: one for each pair of components",
+                           calibration.correlation.size(), rows * (rows - 1) / 2);
+    for (const auto* numbers :
+         {&calibration.zero, &calibration.correlation, &calibration.alike, &calibration.sd_noise, &calibration.reference_sd,
+          &calibration.channel_least, &calibration.channel_most, &calibration.sd, &calibration.sd_slope,
+          &calibration.sd_load, &calibration.full_scale, &calibration.held_out_rms, &calibration.zero_drift})
         if (!all_finite(*numbers)) return "a number is not finite";
     for (const auto& row : calibration.matrix)
         if (!all_finite(row)) return "a number of matrix is not finite";

@@ -6,6 +6,8 @@
 #include <cassert>
 #include <cmath>
 
+#include "tactiled/uncertainty.h"
+
 namespace tactiled::tool {
 namespace {
 
@@ -33,23 +35,6 @@ Vector3 to_S(const std::array<Vector, 3>& S_from_G, const Vector3& v_G) noexcept
     Vector3 v_S;
     for (std::size_t k = 0; k < 3; ++k) v_S[Eigen::Index(k)] = eigen(S_from_G[k]).dot(v_G);
     return v_S;
-}
-
-// Returns the standard deviation of to_G(v_S) if the errors of the components of v_S are independent.
-Vector3 sd_to_G(const std::array<Vector, 3>& S_from_G, const Vector3& sd_S) noexcept {
-    Vector3 variance = Vector3::Zero();
-    for (std::size_t k = 0; k < 3; ++k)
-        for (std::size_t i = 0; i < 3; ++i)
-            if (std::abs(S_from_G[k][i]) > kNoPart) {
-                const double part = S_from_G[k][i] * sd_S[Eigen::Index(k)];
-                variance[Eigen::Index(i)] += part * part;
-            }
-    return variance.cwiseSqrt();
-}
-
-Vector3 cross_sd(const Vector3& arm, const Vector3& sd) noexcept {  // sd of arm x force
-    return {std::hypot(arm.y() * sd.z(), arm.z() * sd.y()), std::hypot(arm.z() * sd.x(), arm.x() * sd.z()),
-            std::hypot(arm.x() * sd.y(), arm.y() * sd.x())};
 }
 
 // arm x force, with NaN only for components that depend on an unmeasured force.
@@ -137,7 +122,6 @@ Tool::Turned Tool::turned(const Sensor& sensor, const Vector& pull_G, double unk
     const SensorSetup& s = sensor.setup;
     Turned out;
     out.wrench_G.fill(kNaN);
-    out.sd.fill(kNaN);
     const bool carries = s.mass_kg > 0, tared = sensor.last.tare_count != 0;
     if (!sensor.seen || sensor.last.quality == TACTILED_BAD || sensor.last.quality == TACTILED_NO_VALUE)
         out.why |= TACTILED_TOOL_SENSOR;
@@ -165,15 +149,23 @@ Tool::Turned Tool::turned(const Sensor& sensor, const Vector& pull_G, double unk
     const Vector3 torque_G =
         to_G(s.S_from_G, torque_S - to_S(s.S_from_G, arm_G.cross(weight_G))) + cross(position_G, force_G);
 
-    const Vector3 zero_N = Vector3::Constant(tared ? 0 : s.zero_sd_N), zero_Nm = Vector3::Constant(tared ? 0 : s.zero_sd_Nm);
-    const auto added = [](const Vector3& a, const Vector3& b) -> Vector3 {
-        return (a.cwiseAbs2() + b.cwiseAbs2()).cwiseSqrt();
-    };
+    // torque_G = R torque_S + position x (R force_S), with the columns of R in S_from_G.
+    for (std::size_t k = 0; k < 3; ++k)
+        for (std::size_t i = 0; i < 3; ++i) {
+            const double turn = std::abs(s.S_from_G[k][i]) > kNoPart ? s.S_from_G[k][i] : 0;
+            out.weight[i][k] = out.weight[i + 3][k + 3] = turn;
+        }
+    for (std::size_t k = 0; k < 3; ++k)
+        for (std::size_t i = 0; i < 3; ++i) {
+            const std::size_t a = (i + 1) % 3, b = (i + 2) % 3;
+            out.weight[i + 3][k] = s.position_G_m[a] * out.weight[b][k] - s.position_G_m[b] * out.weight[a][k];
+        }
+
+    const auto square = [](double x) { return x * x; };
     const double hangs = hangs_G.norm(), mass_N = s.mass_sd_kg * hangs;
-    const Vector3 sd_N = added(added(sd_to_G(s.S_from_G, part(sensor.last.sd, 0)), zero_N), Vector3::Constant(mass_N));
-    const double weight_Nm = std::hypot(mass_N * arm_G.norm(), s.centre_sd_m * weight_G.norm());
-    const Vector3 sd_Nm = added(added(sd_to_G(s.S_from_G, part(sensor.last.sd, 3)), zero_Nm),
-                                added(cross_sd(position_G, sd_N), Vector3::Constant(weight_Nm)));
+    const double of_force = square(tared ? 0 : s.zero_sd_N) + square(mass_N);
+    const double of_torque =
+        square(tared ? 0 : s.zero_sd_Nm) + square(mass_N * arm_G.norm()) + square(s.centre_sd_m * weight_G.norm());
     // Common errors of all sensors: direction of gravity, now and at the tare, and an unreported acceleration.
     const double pulls = carries ? eigen(pull_G).norm() * kDown_rad * (tared ? std::sqrt(2.0) : 1) : 0;
     const double common_N = s.mass_kg * std::hypot(pulls, unknown_m_s2);
@@ -181,8 +173,9 @@ Tool::Turned Tool::turned(const Sensor& sensor, const Vector& pull_G, double unk
         const auto at = Eigen::Index(i);
         out.wrench_G[i] = force_G[at];
         out.wrench_G[i + 3] = torque_G[at];
-        out.sd[i] = sd_N[at];
-        out.sd[i + 3] = sd_Nm[at];
+        const std::size_t a = (i + 1) % 3, b = (i + 2) % 3;
+        out.variance[i] = of_force;
+        out.variance[i + 3] = of_torque + (square(s.position_G_m[a]) + square(s.position_G_m[b])) * of_force;
         out.common[i] = common_N;
         out.common[i + 3] = common_N * eigen(s.centre_G_m).norm();
     }
@@ -203,8 +196,11 @@ tactiled_tool Tool::state() const noexcept {
     }
     const double unknown_m_s2 = reported || rests ? 0 : max_acceleration_m_s2_ / std::sqrt(3.0);
     std::array<double, 6> sum{}, variance{}, common{};
+    std::array<const tactiled_budget*, TACTILED_MAX_SENSORS> budget{};
+    double weight[6][TACTILED_MAX_SENSORS][6];
     out.t_ns = UINT64_MAX;
-    for (const Sensor& sensor : sensors_) {
+    for (std::size_t s = 0; s < sensors_.size(); ++s) {
+        const Sensor& sensor = sensors_[s];
         const std::uint32_t n = sensor.setup.sensor;
         const Turned t = turned(sensor, pull_G, unknown_m_s2);
         out.sensors |= 1u << n;
@@ -214,13 +210,16 @@ tactiled_tool Tool::state() const noexcept {
         out.t_ns = std::min(out.t_ns, sensor.last.t_ns);
         out.t_newest_ns = std::max(out.t_newest_ns, sensor.last.t_ns);
         if (out.sensor_quality[n] == TACTILED_BAD) out.bad |= 1u << n;
+        budget[s] = &sensor.last.budget;
         for (std::size_t i = 0; i < 6; ++i) {
+            std::copy(t.weight[i].begin(), t.weight[i].end(), weight[i][s]);
+            const double of_sensor = tactiled_variance_of_sum(&budget[s], weight[i] + s, 1) + t.variance[i];
             auto& value = i < 3 ? out.sensor_force_G_N[n][i] : out.sensor_torque_G_Nm[n][i - 3];
             auto& sd = i < 3 ? out.sensor_sd_force_N[n][i] : out.sensor_sd_torque_Nm[n][i - 3];
             value = float(t.wrench_G[i]);
-            sd = float(std::hypot(t.sd[i], t.common[i]));
+            sd = std::isnan(t.wrench_G[i]) ? float(kNaN) : float(std::sqrt(of_sensor + t.common[i] * t.common[i]));
             sum[i] += t.wrench_G[i];
-            variance[i] += t.sd[i] * t.sd[i];
+            variance[i] += t.variance[i];
             common[i] += t.common[i];
         }
     }
@@ -228,11 +227,13 @@ tactiled_tool Tool::state() const noexcept {
     if (out.t_newest_ns > out.t_ns + kApart_ns) out.why |= TACTILED_TOOL_APART;
     out.quality = tactiled_tool_verdict(out.why);
     if (out.quality == TACTILED_BAD) return out;
+    for (std::size_t i = 0; i < 6; ++i)
+        variance[i] += tactiled_variance_of_sum(budget.data(), weight[i], unsigned(sensors_.size())) + common[i] * common[i];
     for (std::size_t i = 0; i < 3; ++i) {
         out.force_G_N[i] = sum[i];
         out.torque_G_Nm[i] = sum[i + 3];
-        out.sd_force_N[i] = std::sqrt(variance[i] + common[i] * common[i]);
-        out.sd_torque_Nm[i] = std::sqrt(variance[i + 3] + common[i + 3] * common[i + 3]);
+        out.sd_force_N[i] = std::sqrt(variance[i]);
+        out.sd_torque_Nm[i] = std::sqrt(variance[i + 3]);
     }
     return out;
 }

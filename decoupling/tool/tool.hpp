@@ -43,6 +43,7 @@ struct Setup {
 struct Sample {
     std::uint64_t t_ns = 0;
     std::array<double, 6> raw_S{}, tare_S{}, sd{};  // force in N, torque in Nm; raw_S includes tare_S
+    tactiled_budget budget{};                       // the parts of sd
     tactiled_quality quality = TACTILED_BAD;
     std::uint32_t tare_count = 0;  // 0: no tare is in force
     bool taring = false;
@@ -77,8 +78,11 @@ private:
     };
     struct Turned {
         std::uint32_t why = 0;  // enum tactiled_tool_why
-        std::array<double, 6> wrench_G{}, sd{};
-        std::array<double, 6> common{};  // the part of sd that is common to all sensors, added linearly
+        std::array<double, 6> wrench_G{};
+        // [component in G][component in S]: the part of the sensor's error in that of wrench_G
+        std::array<std::array<double, 6>, 6> weight{};
+        std::array<double, 6> variance{};  // of zero and hand; that of the sensor is not in it
+        std::array<double, 6> common{};    // standard deviation that is common to all sensors, added linearly
     };
     [[nodiscard]] Turned turned(const Sensor& sensor, const Vector& pull_G, double unknown_m_s2) const noexcept;
     [[nodiscard]] bool reports_acceleration() const noexcept;

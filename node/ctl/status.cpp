@@ -15,6 +15,7 @@
 #include "node/ctl/verb.hpp"
 #include "node/modbus/table.hpp"
 #include "tactiled/reader.hpp"
+#include "tactiled/uncertainty.h"
 
 namespace tactiled::ctl {
 namespace {
@@ -156,6 +157,17 @@ double age_ms(const tactiled_sample& s, std::uint64_t now_ns) {
     return now_ns > s.t_ns ? double(now_ns - s.t_ns) / 1e6 : 0.0;
 }
 
+std::string uncertainty_text(const tactiled_placed& placed) {
+    struct Part {
+        const char *word, *remedy;
+    };
+#define TACTILED_TEXT_OF_PART_(part, word, cause, remedy) {word, remedy},
+    static constexpr Part kParts[] = {TACTILED_PART_TABLE(TACTILED_TEXT_OF_PART_)};
+#undef TACTILED_TEXT_OF_PART_
+    const unsigned part = tactiled_largest_part(&placed);
+    return part < TACTILED_PARTS ? fmt::format("mostly {}: {}", kParts[part].word, kParts[part].remedy) : "";
+}
+
 double age_bound_ms(const Segment& segment, std::uint32_t i) {
     const std::uint32_t bound_us = tactiled_age_bound_us_of(segment.c(), i);
     return bound_us == TACTILED_AGE_UNBOUNDED ? std::numeric_limits<double>::quiet_NaN() : bound_us / 1e3;
@@ -235,6 +247,7 @@ nlohmann::json status_json(const Segment& segment, const Snapshot& snapshot) {
                               {"force_S_N", s.force_S_N},
                               {"torque_S_Nm", s.torque_S_Nm},
                               {"sd_force_N", s.sd_force_N},
+                              {"uncertainty", uncertainty_text(snapshot.placed(i))},
                               {"raw_force_S_N", s.raw_force_S_N},
                               {"lost", s.lost},
                               {"tare_count", s.tare_count}};

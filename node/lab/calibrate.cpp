@@ -116,6 +116,22 @@ void print_damage(const Calibration& calibration) {
         "weight (weigh known) would; undetected_damage_limit makes such a sensor UNCERTAIN.\n");
 }
 
+// What the standard deviation consists of, besides the error of the calibration.
+void print_budget(const FitReport& report) {
+    const Calibration& calibration = report.calibration;
+    if (calibration.sd.empty()) return;
+    if (calibration.sd_noise.empty()) {
+        fmt::print("noise: not known (no three rows in a row of one load), so that a mean of samples is no better\n");
+    } else {
+        fmt::print("noise, all that a mean of samples reduces:");
+        for (std::size_t i = 0; i < report.components.size(); ++i)
+            fmt::print(" {} {:.2g} {}", report.components[i].name, calibration.sd_noise[i], unit_of(report.components[i]));
+        fmt::print("\n");
+    }
+    if (calibration.reference_sd.empty())
+        fmt::print("reference: not stated, so that no sd contains it (--reference and --reference-uncertainty)\n");
+}
+
 void print_report(const FitReport& report, const Settings& settings) {
     const Calibration& calibration = report.calibration;
     fmt::print("{}: model {}, method {}, {} channels\n", settings.out, calibration.model, calibration.method,
@@ -155,6 +171,7 @@ void print_report(const FitReport& report, const Settings& settings) {
         fmt::print("\n");
     }
     print_claims(report);
+    print_budget(report);
     if (report.methods.size() > 1)
         for (const auto& method : report.methods) {
             fmt::print("method {:10} {:6.1f} s", method.method, method.seconds);
@@ -206,6 +223,11 @@ void print_json(const FitReport& report, const Settings& settings) {
                         {"zero_drift", report.calibration.zero_drift},
                         {"methods", nlohmann::json::array()},
                         {"condition", report.calibration.condition},
+                        {"sd_noise", report.calibration.sd_noise},
+                        {"correlation", report.calibration.correlation},
+                        {"alike", report.calibration.alike},
+                        {"reference_sd", report.calibration.reference_sd},
+                        {"reference_gain_sd", report.calibration.reference_gain_sd},
                         {"parameters", report.calibration.parameters},
                         {"sensor", sensor_text(report, settings)},
                         {"components", nlohmann::json::array()},
@@ -330,7 +352,8 @@ int calibrate(Settings settings) {
     const Labelled labelled = read_labelled(settings.in, settings.selection);
     fmt::print(stderr, "{}", labelled.columns);  // before the fit, which may take minutes
     check_reference(reference, labelled);
-    const FitReport report = fit(labelled, settings.request);
+    FitReport report = fit(labelled, settings.request);
+    put_reference(reference, report.calibration);
     save_calibration(report.calibration, settings.out);
     save_pages(settings, labelled, report, reference, stated);
     if (settings.json)

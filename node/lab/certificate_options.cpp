@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "config/text_file.hpp"
+#include "decoupling/solve/domain.hpp"
 
 namespace tactiled::ctl {
 namespace {
@@ -132,6 +133,18 @@ void check_reference(const Reference& reference, const Labelled& labelled) {
                         [&](const LabelledRow& row) { return std::isfinite(row.wrench_S[c]); }))
             throw SetupError(fmt::format("--reference-uncertainty: {} needs one too, in % or {}", kComponentNames[c],
                                          c < 3 ? "N" : "Nm"));
+}
+
+void put_reference(const Reference& reference, Calibration& calibration) {
+    if (reference.name.empty()) return;
+    const auto put = [&](Fit& fit) {
+        fit.reference_gain_sd = reference.relative / kCoverage;
+        fit.reference_sd.clear();
+        for (const std::string& name : calibration.components)
+            fit.reference_sd.push_back((component_index(name) < 3 ? reference.force_N : reference.moment_Nm) / kCoverage);
+    };
+    put(calibration);
+    for (Fit& other : calibration.others) put(other);
 }
 
 void save_certificate(const std::string& file, const CertificateFigures& figures, const Calibration& calibration,

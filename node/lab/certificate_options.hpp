@@ -22,6 +22,8 @@ CertificateText certificate_text(const CertificateOptions& options);
 
 // Checks that the reference has an uncertainty for each component that has a label. setup: throws SetupError
 void check_reference(const Reference& reference, const Labelled& labelled);
+// States the uncertainty of the reference in the calibration, for one standard deviation. setup
+void put_reference(const Reference& reference, Calibration& calibration);
 
 // Writes the certificate. setup: throws SaveError where the calibration states no uncertainty, or no file can be written
 void save_certificate(const std::string& file, const CertificateFigures& figures, const Calibration& calibration,

@@ -17,6 +17,7 @@
 #include "decoupling/fit/array_presses.hpp"
 #include "decoupling/patch/patch.hpp"
 #include "decoupling/place.hpp"
+#include "node/budget.hpp"
 #include "node/ctl/command_line.hpp"
 
 namespace tactiled::ctl {
@@ -30,6 +31,7 @@ struct Settings {
     double budget_us = 10;  // for method auto
     double delay_ms = 0;
     double tare_s = 0;
+    bool budget = false;
     double saturates_below = -std::numeric_limits<double>::infinity();
     double saturates_above = std::numeric_limits<double>::infinity();
 };
@@ -100,17 +102,21 @@ public:
             return;
         }
         end();
+        const Wrench raw_S = estimate.wrench_S;
         for (std::size_t c = 0; c < zero_S_.size(); ++c) estimate.wrench_S[c] -= zero_S_[c];
         // The place of Sensor::put_place(); the taxels of an array are not tared here.
         if (is_array_ && duration_s_ > 0) {
             estimate.cop_S_m = estimate.cop_sd_m = {kNaN, kNaN};
         } else if (!is_array_ && (duration_s_ > 0 || !std::isfinite(estimate.cop_S_m[0]))) {
             const PressPlace place =
-                place_of(estimate.wrench_S, estimate.sd, covariance_of(estimate.correlation, estimate.sd));
+                place_of(estimate.wrench_S, estimate.sd, covariance_of(*estimate.correlations, estimate.sd));
             estimate.cop_S_m = place.cop_S_m;
             estimate.cop_sd_m = place.sd_m;
         }
-        forces_.write(t_s, estimate, quality_text(estimate.quality(), estimate.reasons));
+        tactiled_budget budget{};
+        put_parts(estimate, {estimate.sd, estimate.sd, estimate.sd}, budget);
+        put_correlations(*estimate.correlations, raw_S, budget);
+        forces_.write(t_s, estimate, quality_text(estimate.quality(), estimate.reasons), budget);
     }
 
     void end() {
@@ -161,7 +167,7 @@ int decouple(const Settings& settings) {
                    "warning: {} holds after a tare, because each of its sessions had its own zero: begin the file without "
                    "a load, and use --tare-s\n",
                    settings.calibration);
-    ForcesWriter forces(settings.out);
+    ForcesWriter forces(settings.out, settings.budget);
     Tare tare(settings.tare_s, decoupler->patch() != nullptr, forces);
     std::vector<double> channel(columns.size());
     std::optional<double> origin_s;  // subtracted from the times for the models, which must not be negative
@@ -208,6 +214,8 @@ Run add_decouple(Command verb) {
     verb.add_option("--tare-s", settings->tare_s,
                     "the mean force of so many seconds at the beginning, without a load, is subtracted")
         .not_negative();
+    verb.add_flag("--budget", settings->budget,
+                  "also write the parts of each standard deviation and how they correlate (node/guide/uncertainty.md)");
     verb.add_option("--saturates-below", settings->saturates_below,
                     "a channel at or below is saturated (unit of the calibration)");
     verb.add_option("--saturates-above", settings->saturates_above,

@@ -113,6 +113,9 @@ constexpr Name kToolBits[] = {{0, "gravity is not known: no value", "GRAVITY"},
                               {9, "uncertain", "UNCERTAIN"},
                               {10, "saturated: a register is at the end of its range", "RANGE"},
                               {15, "no value", "NO_VALUE"}};
+#define TACTILED_NAME_OF_PART_(part, word, cause, ...) {TACTILED_OF_##part, word ": " cause, #part},
+constexpr Name kParts[] = {TACTILED_PART_TABLE(TACTILED_NAME_OF_PART_)};
+#undef TACTILED_NAME_OF_PART_
 constexpr Name kComponentBits[] = {{0, "fx"}, {1, "fy"}, {2, "fz"}};
 constexpr Name kSlipStates[] = {{0, "none", "NONE"}, {1, "incipient", "INCIPIENT"}, {2, "gross", "GROSS"}};
 constexpr Name kWeightStates[] = {{0, "none", "NONE"},
@@ -157,7 +160,8 @@ std::span<const Name> names_of(std::string_view name) {
     if (name == "tool.STATUS" || name == "tool_float.STATUS") return kToolBits;
     if (name == "global.GRIP_STATE") return kGripStates;
     if (name == "sensor.SLIP_STATE") return kSlipStates;
-    if (name == "sensor.STATUS" || name == "sensor_float.STATUS") return kSensorStatusBits;
+    if (name == "sensor.STATUS" || name == "sensor_float.STATUS" || name == "sensor_sd.STATUS") return kSensorStatusBits;
+    if (name == "sensor_sd.PART") return kParts;
     if (name == "sensor.FAULT") return kSensorFaultNames;
     if (name == "head.COMPONENTS") return kComponentBits;
     if (name == "control.CMD") return kCommands;

@@ -84,6 +84,7 @@ std::span<const Register> doubt_rows();
 std::span<const Register> float_rows();
 std::span<const Register> sensor_rows();
 std::span<const Register> sensor_float_rows();
+std::span<const Register> sensor_sd_rows();
 std::span<const Register> age_bound_rows();
 std::span<const Register> head_rows();
 std::span<const Register> page_rows();

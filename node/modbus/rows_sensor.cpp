@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "node/modbus/rows.hpp"
+#include "tactiled/uncertainty.h"
 
 namespace tactiled::modbus {
 namespace {
@@ -109,6 +110,40 @@ constexpr Register kSensorFloats[] = {
     {20, "F_TANG", f32, kFloatN, "magnitude of (FX, FY)", tangential_force},
     {22, "TEMP", f32, kFloatDegC, "", temperature},
     {24, "SEQ_END", count, kNoUnit, "= SEQ", sequence},
+};
+
+tactiled_value magnitude_with_sd(S s) noexcept {
+    tactiled_placed placed{s.sample, {}, {}};
+    if (s.exists()) placed.budget = s.view.snapshot.budget[s.sensor];
+    return tactiled_magnitude(&placed);
+}
+double magnitude_sd(S s) noexcept { return magnitude_with_sd(s).sd; }
+double magnitude_bound(S s) noexcept {
+    const tactiled_value magnitude = magnitude_with_sd(s);
+    return magnitude.value + (magnitude.is_bound != 0 ? 0 : TACTILED_WITHIN * magnitude.sd);
+}
+double largest_part(S s) noexcept {
+    if (!s.exists() || !has_value(s.sample.quality)) return kNaN;
+    const tactiled_placed placed = s.view.snapshot.placed(s.sensor);
+    const unsigned part = tactiled_largest_part(&placed);
+    return part < TACTILED_PARTS ? part : kNaN;
+}
+
+constexpr Register kSensorSds[] = {
+    {0, "SEQ", count, kNoUnit, kSeqMeaning, sequence},
+    {1, "STATUS", bits, kNoUnit, "STATUS of the sensor block", status},
+    {2, "SD_FX", f32, kFloatN, "one standard deviation of FX", sample<&Sample::sd_force_N, 0>},
+    {4, "SD_FY", f32, kFloatN, "", sample<&Sample::sd_force_N, 1>},
+    {6, "SD_FZ", f32, kFloatN, "", sample<&Sample::sd_force_N, 2>},
+    {8, "SD_TX", f32, kFloatNm, "one standard deviation of TX", sample<&Sample::sd_torque_Nm, 0>},
+    {10, "SD_TY", f32, kFloatNm, "", sample<&Sample::sd_torque_Nm, 1>},
+    {12, "SD_TZ", f32, kFloatNm, "", sample<&Sample::sd_torque_Nm, 2>},
+    {14, "SD_F_MAG", f32, kFloatN,
+     "one standard deviation of F_MAG; NaN below three of them, where noise alone has a length", magnitude_sd},
+    {16, "F_MAX", f32, kFloatN, "at least 95 % of the true magnitudes are below it, with and without SD_F_MAG",
+     magnitude_bound},
+    {18, "PART", enumeration, kNoUnit, "what most of the variance of the force comes from", largest_part},
+    {19, "SEQ_END", count, kNoUnit, "= SEQ", sequence},
 };
 
 // Rounded up, so that the register is a bound, too.
@@ -245,6 +280,7 @@ constexpr Register kToolFloats[] = {
 
 std::span<const Register> sensor_rows() { return kSensor; }
 std::span<const Register> sensor_float_rows() { return kSensorFloats; }
+std::span<const Register> sensor_sd_rows() { return kSensorSds; }
 std::span<const Register> age_bound_rows() { return kAgeBounds; }
 std::span<const Register> head_rows() { return kHead; }
 std::span<const Register> page_rows() { return kPage; }

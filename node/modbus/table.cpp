@@ -20,6 +20,7 @@ constexpr Register kConstant[] = {
 
 constexpr std::uint16_t kToolSensorsEnd = kToolFloatSize * kSensorBlocks;
 constexpr std::uint16_t kFloatsEnd = kSensorFloatSize * kSensorBlocks;
+constexpr std::uint16_t kSdsEnd = kSensorSdSize * kSensorBlocks;
 
 constexpr Bits kCoilRuns[] = {
     {kTareCoils, 16, "TARE",
@@ -94,6 +95,10 @@ std::span<const Area> areas() {
         {kControlsAt, kControlsSize, Block::controls, 0, false, "Commands and settings", "control", control_rows()},
         {kScratchAt, kScratchSize, Block::scratch, 0, false, "Scratch: free registers, to try a client", "scratch", {}},
         {kCycleAt, kCycleSize, Block::cycle, 0, false, "Command and hints: one write in each cycle", "cycle", {}, kOfCycle},
+        {kSensorSdsAt, kSdsEnd, Block::sensor_sds, kSensorSdSize, false, "Standard deviations of sensors, high word first",
+         "sensor_sd", sensor_sd_rows()},
+        {kSensorSdsAt + kSwapped, kSdsEnd, Block::sensor_sds, kSensorSdSize, true,
+         "Standard deviations of sensors, low word first", "sensor_sd", sensor_sd_rows()},
         {kConstantsAt, kConstantsSize, Block::constants, 0, false, "Constants, to check base, sign and word order",
          "constant", kConstant},
         {kAgeBoundsAt, kSensorBlocks, Block::age_bounds, 1, false, "Bound of the age, by sensor", "age", age_bound_rows()},

@@ -10,7 +10,7 @@
 
 namespace tactiled::modbus {
 
-inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 9;
+inline constexpr std::uint16_t kMapMajor = 1, kMapMinor = 10;
 
 // "Not available" as in SunSpec; a measured value saturates one step before.
 inline constexpr std::uint16_t kNoI16 = 0x8000, kNoU16 = 0xFFFF;
@@ -59,6 +59,7 @@ inline constexpr std::uint16_t kSensorsAt = 100, kSensorSize = 25, kSensorBlocks
 inline constexpr std::uint16_t kViewAt = 600, kViewSize = 125, kCycleAt = 5300, kCycleSize = 15;
 inline constexpr std::uint16_t kFloatsAt = 2000, kFloatSize = 26, kSensorFloatsAt = 2100, kSensorFloatSize = 25;
 inline constexpr std::uint16_t kToolFloatsAt = 2030, kToolFloatSize = 28, kToolSensorsAt = 2500;
+inline constexpr std::uint16_t kSensorSdsAt = 6000, kSensorSdSize = 20;
 inline constexpr std::uint16_t kSwapped = 1000;  // from a float register to its copy with the low word first
 inline constexpr std::uint16_t kControlsAt = 5000, kControlsSize = 100, kScratchAt = 5100, kScratchSize = 128;
 inline constexpr std::uint16_t kConstantsAt = 9000, kConstantsSize = 12;
@@ -140,6 +141,7 @@ enum class Block {
     cycle,
     constants,
     age_bounds,
+    sensor_sds,
     heads,
     pages
 };

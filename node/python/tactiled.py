@@ -44,7 +44,7 @@ try:
 except ImportError:  # arrays are memoryview objects without it
     numpy = None
 
-MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 9
+MAGIC, BYTE_ORDER, MAJOR, MINOR = b"TACTILED", 0x01020304, 1, 10
 MAX_SENSORS = MAX_LINKS = 16
 MAX_TAXELS = 4096
 NAME_SIZE = 32  # including the terminating zero
@@ -136,7 +136,7 @@ _SAMPLE = _Struct(
     "sequence:Q t_ns:Q t_published_ns:Q epoch:I quality:I reasons:I device_sequence:I missing:I saturated:I "
     "tare_count:I lost:I force_S_N:3d torque_S_Nm:3d sd_force_N:3d sd_torque_Nm:3d raw_force_S_N:3d raw_torque_S_Nm:3d "
     "cop_S_m:2d residual:d rate_Hz:f temperature_C:f state:I peak_N:f")
-_PLACED = _Struct(f"sample:{_SAMPLE.size}s cop_sd_m:2f")
+_PLACED = _Struct(f"sample:{_SAMPLE.size}s cop_sd_m:2f sd_part:36f correlation:15f load:6f alike:f alike_within:f model:I")
 _ARRAY = _Struct(
     f"sample:{_SAMPLE.size}s n_out:I n_contact:I peak_taxel:I peak_N:f peak_sd_N:f cop_S_m:3f cop_sd_m:3f area_m2:f area_sd_m2:f "
     "axis_rad:f axis_sd_rad:f -:4x")
@@ -163,8 +163,13 @@ Tool = collections.namedtuple("Tool", _TOOL.names)  # sensor n: sensor_force_G_N
 Command = collections.namedtuple("Command", "acknowledged state result")
 
 
-class Sample(collections.namedtuple("Sample", [*_SAMPLE.names, "cop_sd_m"])):
-    """One sample of one sensor: the fields of struct tactiled_sample and cop_sd_m, with arrays as tuples. Immutable."""
+# What a standard deviation consists of: struct tactiled_budget. sd_part: six tuples, in the order of
+# tactiled_uncertainty.PARTS. That module has the rules by which they combine.
+Budget = collections.namedtuple("Budget", _PLACED.names[2:])
+
+
+class Sample(collections.namedtuple("Sample", [*_SAMPLE.names, "cop_sd_m", "budget"])):
+    """One sample of one sensor: the fields of struct tactiled_sample, cop_sd_m and budget, with arrays as tuples. Immutable."""
     __slots__ = ()
 
     @property
@@ -208,15 +213,23 @@ _COP_SD = struct.Struct("=2f")
 _COP_SD_OF_ARRAY = _SAMPLE.size + struct.calcsize("=3I2f3f")
 
 
+_NO_BUDGET = Budget(((math.nan,) * 6,) * 6, (math.nan,) * 15, (math.nan,) * 6, math.nan, math.nan, 0)
+
+
 def _sample(record, cop_sd_at=_SAMPLE.size):
-    """The Sample at the begin of a record. A record of a daemon before layout 1.9 ends with it."""
+    """The Sample at the begin of a record. A record of a daemon before layout 1.9 ends with it, one of 1.9 with cop_sd_m, and
+    that of an array has no budget."""
     has_sd = len(record) >= cop_sd_at + _COP_SD.size
-    return Sample._make((*_SAMPLE.values(record), _COP_SD.unpack_from(record, cop_sd_at) if has_sd else _NAN3[:2]))
+    budget = _NO_BUDGET
+    if cop_sd_at == _SAMPLE.size and len(record) >= _PLACED.size:
+        _, _, parts, *rest = _PLACED.values(record)
+        budget = Budget(tuple(parts[i:i + 6] for i in range(0, 36, 6)), *rest)
+    return Sample._make((*_SAMPLE.values(record), _COP_SD.unpack_from(record, cop_sd_at) if has_sd else _NAN3[:2], budget))
 
 
 _NOTHING = _sample(bytes(_SAMPLE.size))
 _NO_FORCE = {**{name: _NAN3 for name in _SAMPLE.names if "force" in name or "torque" in name},
-             "cop_S_m": _NAN3[:2], "cop_sd_m": _NAN3[:2], "residual": math.nan, "quality": BAD, "state": 0}
+             "cop_S_m": _NAN3[:2], "cop_sd_m": _NAN3[:2], "budget": _NO_BUDGET, "residual": math.nan, "quality": BAD, "state": 0}
 
 
 def _invalidated(sample, reason):

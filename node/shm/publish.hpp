@@ -9,10 +9,10 @@
 namespace tactiled {
 
 // Writes record `number` of `size` bytes, a multiple of 8, into `ring` of the segment at `base`. Successive numbers differ
-// by 1. `tail`: 8 bytes after the record, or nullptr.
+// by 1.
 // rt: wait-free
-inline void publish_record(char* base, const tactiled_ring& ring, std::uint64_t number, const void* record, std::size_t size,
-                           const void* tail = nullptr) noexcept {
+inline void publish_record(char* base, const tactiled_ring& ring, std::uint64_t number, const void* record,
+                           std::size_t size) noexcept {
 #if defined(__SANITIZE_THREAD__)  // thread sanitizer does not model fences, so the stores have release order
     constexpr int kStore = __ATOMIC_RELEASE;
 #else
@@ -32,7 +32,6 @@ inline void publish_record(char* base, const tactiled_ring& ring, std::uint64_t 
         std::memcpy(&word, from, 8);
         __atomic_store_n(words + at, word, kStore);
     };
-    if (tail != nullptr) write(size / 8, tail);
     for (std::size_t i = size / 8; i-- > 0;)  // writes the lock's cache line last, because readers poll it
         write(i, static_cast<const char*>(record) + 8 * i);
     __atomic_store_n(lock_word, whole, __ATOMIC_RELEASE);  // pairs with the reader's acquire of the lock

@@ -289,10 +289,16 @@ void SegmentWriter::set_state(tactiled_state state) noexcept {
     __atomic_store_n(&header().state, std::uint32_t(state), __ATOMIC_RELEASE);
 }
 
-void SegmentWriter::publish(std::uint32_t index, const tactiled_sample& sample, const CopSd& cop_sd_m) noexcept {
-    static_assert(offsetof(tactiled_placed, cop_sd_m) == sizeof sample && sizeof cop_sd_m == 8);
+void SegmentWriter::publish(std::uint32_t index, const tactiled_placed& placed) noexcept {
     const auto& sensor = reinterpret_cast<const tactiled_sensor*>(base_ + header().sensor_offset)[index];
-    publish_record(base_, sensor.ring, sample.sequence, &sample, sizeof sample, cop_sd_m.data());
+    publish_record(base_, sensor.ring, placed.sample.sequence, &placed, sizeof placed);
+}
+
+void SegmentWriter::publish(std::uint32_t index, const tactiled_sample& sample) noexcept {
+    tactiled_placed placed{};
+    placed.sample = sample;
+    tactiled_forget_appended(&placed, 0);
+    publish(index, placed);
 }
 
 void SegmentWriter::publish_array(std::uint32_t index, std::uint64_t sequence, const void* record) noexcept {

@@ -50,9 +50,10 @@ public:
     [[nodiscard]] std::uint64_t watchdog_ms() const noexcept { return header().watchdog_ms; }
     void set_state(tactiled_state state) noexcept;
 
-    // Publishes the next sample of sensor `index`; `sample.sequence` must count up by one. rt: wait-free
-    using CopSd = std::array<float, 2>;  // standard deviation of the centre of pressure, m
-    void publish(std::uint32_t index, const tactiled_sample& sample, const CopSd& cop_sd_m = {NAN, NAN}) noexcept;
+    // Publishes the next sample of sensor `index`; its sequence must count up by one. rt: wait-free
+    void publish(std::uint32_t index, const tactiled_placed& placed) noexcept;
+    // Does the same for a sample of which no more is known. rt: wait-free
+    void publish(std::uint32_t index, const tactiled_sample& sample) noexcept;
     // Publishes the array of sample `sequence` of sensor `index`: a record of tactiled_array_size() bytes, before the
     // sample.
     // rt: wait-free, linear in the size

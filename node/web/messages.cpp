@@ -76,6 +76,7 @@ void put_sensor(Text& text, const View& view, std::uint32_t i) {
     text.whole("worst", interval.quality).whole("all_reasons", interval.reasons);
     text.list<double>("force_N", s.force_S_N).list<double>("torque_Nm", s.torque_S_Nm);
     text.list<double>("sd_force_N", s.sd_force_N).list<double>("sd_torque_Nm", s.sd_torque_Nm);
+    text.text("uncertainty", ctl::uncertainty_text(view.snapshot.placed(i)));
     text.list<float>("low", interval.low).list<float>("high", interval.high);
     text.number("age_ms", ctl::age_ms(s, view.taken_ns)).number("age_bound_ms", ctl::age_bound_ms(*view.segment, i));
     text.number("rate_Hz", double(s.rate_Hz));

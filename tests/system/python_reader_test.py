@@ -33,7 +33,7 @@ class TheTables(unittest.TestCase):
                 at += struct.calcsize("=" + code)
             self.assertEqual(fields, LAYOUT.structs[name], name)
             self.assertEqual(at, LAYOUT.sizes[name], name)
-        self.assertEqual(list(tactiled.Sample._fields), [field for field, _, _ in LAYOUT.structs["sample"]] + ["cop_sd_m"])
+        self.assertEqual(list(tactiled.Sample._fields), [field for field, _, _ in LAYOUT.structs["sample"]] + ["cop_sd_m", "budget"])
         self.assertEqual(tactiled._PLACED.size, LAYOUT.sizes["placed"])
         self.assertEqual(list(tactiled.Command._fields), [field for field, _, _ in LAYOUT.structs["command"]])
         self.assertEqual([field for field, _, _ in LAYOUT.structs["ring"]],

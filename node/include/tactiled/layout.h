@@ -1,5 +1,5 @@
 /* Defines the shared-memory segment of tactiled, the file tactiled.NAME in the daemon's run-time folder
- * (folder.h), for C11 and C++17. Version 1.9.
+ * (folder.h), for C11 and C++17. Version 1.10.
  *
  * The file has one header, a directory of sensors, a directory of links, one ring of node records, and one ring
  * of samples for each sensor. Only the daemon writes the file. Readers map it read-only, do not register, and
@@ -21,6 +21,7 @@
 #ifndef TACTILED_LAYOUT_H
 #define TACTILED_LAYOUT_H
 
+#include <stddef.h>
 #include <stdint.h>
 #include <string.h>
 
@@ -36,7 +37,7 @@ extern "C" {
 #define TACTILED_MAGIC "TACTILED" /* 8 bytes, no terminator */
 #define TACTILED_BYTE_ORDER 0x01020304u
 #define TACTILED_MAJOR 1
-#define TACTILED_MINOR 9
+#define TACTILED_MINOR 10
 #define TACTILED_MAX_SENSORS 16
 #define TACTILED_MAX_LINKS 16
 #define TACTILED_MAX_CHANNELS 32 /* in a frame */
@@ -242,11 +243,39 @@ struct tactiled_sample {
     float peak_N;   /* largest magnitude of the known components of force_S_N since the start or the last reset */
 };
 
+/* The parts of a standard deviation, X(part, word, cause, remedy). Their squares add up to that of sd_force_N or
+ * sd_torque_Nm. uncertainty.h has the rules by which they combine. */
+#define TACTILED_PART_TABLE(X)                                                                                   \
+    X(NOISE, "noise", "differs from sample to sample", "use the mean of several samples")                        \
+    X(CALIBRATION, "calibration", "curve, hysteresis and creep: alike for like loads",                           \
+      "calibrate with more loads like those in use")                                                             \
+    X(REFERENCE, "reference", "the instrument that measured the labels", "calibrate against a better reference") \
+    X(ZERO, "zero", "drift and events since the zero was last known", "tare it without a load")                  \
+    X(TEMPERATURE, "temperature", "the part of its effect that is not removed",                                  \
+      "calibrate against temperature and add a thermometer or a dummy resistor, or declare a smaller range")     \
+    X(MOTION, "motion", "delay and filter while the load changes", "wait until the load rests")
+#define TACTILED_ENUM_OF_PART_(part, ...) TACTILED_OF_##part,
+#define TACTILED_WORD_OF_PART_(part, word, ...) word,
+enum tactiled_part { TACTILED_PART_TABLE(TACTILED_ENUM_OF_PART_) TACTILED_PARTS };
+
+/* What the standard deviations of one sample consist of, and how its errors correlate. Components in the order fx fy fz mx
+ * my mz; NaN where the sd is not known. Since 1.10. */
+struct tactiled_budget {
+    float sd_part[TACTILED_PARTS][6]; /* [part][component], N or Nm; that of the reference has the sign of the component */
+    float correlation[15];            /* of the errors of two components, rows above the diagonal: fx fy, fx fz .. my mz */
+    float load[6];                    /* raw component as a part of its full scale; 0 = not measured */
+    /* Two loads at the distance d in `load` have calibration errors of the correlation alike / (1 + (d / alike_within)^2).
+     */
+    float alike, alike_within;
+    uint32_t model; /* sensors with the same number err alike under like loads; 0: like no other */
+};
+
 /* The record of a sensor's ring: a sample, and what was appended since. Since 1.9; the record of an older daemon ends with
- * the sample. */
+ * the sample, that of 1.9 with cop_sd_m. */
 struct tactiled_placed {
     struct tactiled_sample sample;
-    float cop_sd_m[2]; /* one standard deviation of cop_S_m; NaN = not known */
+    float cop_sd_m[2];             /* one standard deviation of cop_S_m; NaN = not known */
+    struct tactiled_budget budget; /* since 1.10 */
 };
 
 /* State of the force in a sample of any quality: bits of tactiled_sample.state. All bits are 0 in a BAD sample. */
@@ -730,7 +759,8 @@ static inline uint32_t tactiled_lateness_bucket(uint64_t ns) {
 }
 
 TACTILED_ASSERT(sizeof(struct tactiled_sample) == 240);
-TACTILED_ASSERT(sizeof(struct tactiled_placed) == 248);
+TACTILED_ASSERT(sizeof(struct tactiled_budget) == 240);
+TACTILED_ASSERT(sizeof(struct tactiled_placed) == 488);
 TACTILED_ASSERT(sizeof(struct tactiled_grasp) == 256);
 TACTILED_ASSERT(sizeof(struct tactiled_tool) == 976);
 TACTILED_ASSERT(sizeof(struct tactiled_node) == 1440);
@@ -857,6 +887,18 @@ static inline void tactiled_invalidate(struct tactiled_sample* sample, uint32_t 
     }
     sample->cop_S_m[0] = sample->cop_S_m[1] = sample->residual = nan_value;
     sample->state = 0;
+}
+
+/* Sets what was appended to a sample to "not known" from byte `from` of the record on, the size of an older one: nothing
+ * averages or cancels. 0: all. */
+static inline void tactiled_forget_appended(struct tactiled_placed* placed, uint32_t from) {
+    const uint32_t nan_bits = 0x7FC00000u;
+    const uint32_t begin = (uint32_t)offsetof(struct tactiled_placed, cop_sd_m);
+    const uint32_t end = (uint32_t)(offsetof(struct tactiled_placed, budget) + offsetof(struct tactiled_budget, model));
+    uint32_t at;
+    if (from >= sizeof *placed) return;
+    for (at = from < begin ? begin : from; at < end; at += 4) memcpy((char*)placed + at, &nan_bits, 4);
+    placed->budget.model = 0;
 }
 
 /* Returns 1 if `t_ns` is within `limit_ms` of `now_ns`. A time in the future is as bad as an old one: the

@@ -409,13 +409,12 @@ static inline int tactiled_latest(const struct tactiled_segment* segment, uint32
                                   uint64_t now_ns) {
     return tactiled_latest_(segment, index, sample, sizeof *sample, now_ns);
 }
-/* Does the same, with the standard deviation of the centre of pressure. */
+/* Does the same, with the standard deviation of the centre of pressure and the parts of the others (uncertainty.h). */
 static inline int tactiled_latest_placed(const struct tactiled_segment* segment, uint32_t index,
                                          struct tactiled_placed* placed, uint64_t now_ns) {
     struct tactiled_sample* const sample = (struct tactiled_sample*)(void*)placed;
     const int is_read = tactiled_latest_(segment, index, sample, sizeof *placed, now_ns);
-    if (placed->sample.quality == TACTILED_BAD || segment->ring[index].record_size < sizeof *placed)
-        placed->cop_sd_m[0] = placed->cop_sd_m[1] = __builtin_nanf("");
+    tactiled_forget_appended(placed, placed->sample.quality == TACTILED_BAD ? 0 : segment->ring[index].record_size);
     return is_read;
 }
 

@@ -19,6 +19,8 @@
 #include <span>
 #endif
 
+#include <cmath>
+
 #include "reader.h"
 
 namespace tactiled {
@@ -30,6 +32,11 @@ struct Snapshot {
     std::uint64_t taken_ns = 0;  // CLOCK_MONOTONIC
     tactiled_node node{};
     std::array<tactiled_sample, TACTILED_MAX_SENSORS> sensor{};  // judged at taken_ns; NO_VALUE beyond n_sensors
+    // The sample of each sensor, with the parts of its standard deviations (uncertainty.h).
+    [[nodiscard]] tactiled_placed placed(std::uint32_t index) const noexcept {
+        return {sensor[index], {NAN, NAN}, budget[index]};
+    }
+    std::array<tactiled_budget, TACTILED_MAX_SENSORS> budget{};
 };
 
 // Histogram of the lateness of the pipeline's wake-ups: element i counts from tactiled_lateness_ns(i) to
@@ -155,9 +162,14 @@ public:
             const std::uint64_t begun_ns = monotonic_ns();
             if (!latest_node(out.node)) return false;
             bool whole = true;
-            for (std::uint32_t i = 0; i < n_sensors() && whole; ++i)
-                whole = tactiled_ring_read(c_->base, &c_->ring[i], std::uint32_t(out.node.count[i]) - 1, &out.sensor[i],
-                                           sizeof out.sensor[i]) != 0;
+            for (std::uint32_t i = 0; i < n_sensors() && whole; ++i) {
+                tactiled_placed placed;
+                whole = tactiled_ring_read(c_->base, &c_->ring[i], std::uint32_t(out.node.count[i]) - 1, &placed,
+                                           sizeof placed) != 0;
+                tactiled_forget_appended(&placed, c_->ring[i].record_size);
+                out.sensor[i] = placed.sample;
+                out.budget[i] = placed.budget;
+            }
             if (!whole) continue;
             out.taken_ns = monotonic_ns();
             // The thread was interrupted between reading and judging: the copy may be old, so it is read

@@ -195,6 +195,7 @@ class Card {
     put(this.facts.lost, s ? String(s.lost) : "–");
     put(this.facts.peak, number(s && s.peak_N, 2, " N"));
     put(this.facts.tares, s ? String(s.tares) : "–");
+    put(this.facts.uncertainty, (s && s.uncertainty) || "–");
     put(this.facts.temperature, number(s && s.temperature_C, 1, " °C"));
     put(this.facts.touch, !s || quality === kBad ? "–" : s.state & 2 ? "OVERLOAD" : s.state & 1 ? "contact" : "none");
     if (draw && this.visible) this.draw(s);

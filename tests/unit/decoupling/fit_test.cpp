@@ -51,17 +51,18 @@ TEST(Fit, StatesTheCorrelationOfForceAndMoments) {
     for (LabelledRow& row : labelled.rows)
         for (double& channel : row.channel) channel += noise(random);
     Calibration calibration = fit(labelled, generic()).calibration;
-    ASSERT_EQ(calibration.correlation.size(), 2u);
-    EXPECT_EQ(calibration.correlation[0], 0);
-    EXPECT_NEAR(calibration.correlation[1], 0.6, 0.05);
+    ASSERT_EQ(calibration.correlation.size(), 1u);
+    EXPECT_NEAR(calibration.correlation[0], 0.6, 0.05);
     const std::vector<double> channel{0.5, 0.5};
-    EXPECT_EQ(make_decoupler(calibration)->decouple({.channel = channel}).correlation[1], calibration.correlation[1]);
+    const auto decoupler = make_decoupler(calibration);
+    const Correlations& correlations = *decoupler->decouple({.channel = channel}).correlations;
+    EXPECT_EQ(correlations.between[Correlations::index(2, 4)], float(calibration.correlation[0]));
     Problems problems;
     EXPECT_EQ(parse_calibration(calibration_text(calibration), "c.toml", problems).correlation, calibration.correlation);
-    calibration.correlation = {1};
+    calibration.correlation = {1, 0};
     DecouplerFault fault;
     EXPECT_EQ(make_decoupler(calibration, "", 0, fault), nullptr);
-    EXPECT_NE(fault.text.find("correlation has 1 numbers"), std::string::npos) << fault.text;
+    EXPECT_NE(fault.text.find("correlation has 2 numbers"), std::string::npos) << fault.text;
 }
 
 // Offsets of 1e6 on channels of width 1 and gains of 1e-3 .. 1e3: the raw normal equations lose all digits here.

@@ -1,5 +1,6 @@
 // The wrench on the gripper: turned, about the gripper's origin, less the weight of the hand; and the fit of that weight.
 #include "decoupling/tool/tool.hpp"
+#include "tests/unit/placed.hpp"
 
 #include <gtest/gtest.h>
 
@@ -41,6 +42,7 @@ struct SimulatedHand {
             s.sd[i] = noise_N;
             s.sd[i + 3] = noise_Nm;
         }
+        s.budget = unrelated_budget(s.sd);
         return s;
     }
     Vector told(const Vector3& gravity_G) {
@@ -253,6 +255,7 @@ TEST(Tool, AComponentThatIsNotSeenIsNoNumber) {
              .raw_S = {kNaN, 2, -3, kNaN, kNaN, kNaN},
              .sd = {0.1, 0.1, 0.1, kNaN, kNaN, kNaN},
              .quality = TACTILED_GOOD};
+    s.budget = unrelated_budget(s.sd);
     tool.sample(0, s);
     const tactiled_tool state = tool.state();
     EXPECT_DOUBLE_EQ(state.force_G_N[0], -3);

@@ -2,7 +2,9 @@
 #include "node/modbus/encode.hpp"
 
 #include <gtest/gtest.h>
+
 #include <unistd.h>
+#include <bit>
 
 #include <array>
 #include <cmath>
@@ -192,8 +194,13 @@ protected:
         return s;
     }
     void publish(tactiled_sample s) {
-        s.sequence = number_;
-        writer_.publish(0, s);
+        tactiled_placed placed{};
+        placed.sample = s;
+        publish(placed);
+    }
+    void publish(tactiled_placed placed) {
+        placed.sample.sequence = number_;
+        writer_.publish(0, placed);
         tactiled_node node{};
         node.sequence = number_++;
         node.t_ns = monotonic_ns();
@@ -252,6 +259,45 @@ TEST_F(LiveRegisters, TheBoundOfAnAgeIsRoundedUpToMilliseconds) {
     }
     EXPECT_EQ(bound(view_of(segment_), 1), kNoU16) << "no such sensor";
     EXPECT_EQ(bound(view_of_nothing(), 0), kNoU16);
+}
+
+TEST_F(LiveRegisters, StandardDeviationsOfEachComponentAndOfTheMagnitude) {
+    const auto sds = [&](unsigned index) {
+        std::array<std::uint16_t, kSensorSdSize> out{};
+        encode(area_with(Block::sensor_sds), out, view_of(segment_), index);
+        return out;
+    };
+    const auto number = [](const auto& cells, std::size_t at) {
+        return std::bit_cast<float>(std::uint32_t(cells[at]) << 16 | cells[at + 1]);
+    };
+    tactiled_placed placed{};
+    placed.sample = good();
+    placed.sample.force_S_N[0] = 0, placed.sample.force_S_N[1] = 3, placed.sample.force_S_N[2] = -4;
+    for (int c = 0; c < 3; ++c) {
+        placed.sample.sd_force_N[c] = 0.1 * (c + 1);
+        placed.budget.sd_part[TACTILED_OF_ZERO][c] = float(0.1 * (c + 1));
+    }
+    placed.budget.correlation[5] = 0.5f;  // fy fz
+    publish(placed);
+    const auto out = sds(0);
+    EXPECT_FLOAT_EQ(number(out, 2), 0.1f);
+    EXPECT_FLOAT_EQ(number(out, 6), 0.3f);
+    EXPECT_NEAR(number(out, 14), std::sqrt(0.6 * 0.6 * 0.04 + 0.8 * 0.8 * 0.09 - 2 * 0.6 * 0.8 * 0.5 * 0.06), 2e-3);
+    EXPECT_NEAR(number(out, 16), 5 + 1.96 * double(number(out, 14)), 1e-5);
+    EXPECT_EQ(out[18], TACTILED_OF_ZERO);
+
+    placed.sample.force_S_N[1] = placed.sample.force_S_N[2] = 0;  // below 3 sd: a bound
+    publish(placed);
+    EXPECT_TRUE(std::isnan(number(sds(0), 14)));
+    EXPECT_NEAR(number(sds(0), 16), 1.96 * std::sqrt(0.01 + 0.04 + 0.09), 1e-5);
+
+    placed.sample.quality = TACTILED_BAD;
+    tactiled_invalidate(&placed.sample, TACTILED_STALE);
+    publish(placed);
+    EXPECT_TRUE(std::isnan(number(sds(0), 2)) && std::isnan(number(sds(0), 16)));
+    EXPECT_EQ(sds(0)[18], kNoU16);
+    EXPECT_TRUE(std::isnan(number(sds(1), 2))) << "no such sensor";
+    EXPECT_EQ(sds(1)[18], kNoU16);
 }
 
 TEST_F(LiveRegisters, ASampleWithoutAValueIsNotZeroNewton) {

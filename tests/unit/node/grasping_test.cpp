@@ -1,5 +1,6 @@
 // The grasp in the pipeline: the estimator's input, and its commands.
 #include "node/grasping.hpp"
+#include "tests/unit/placed.hpp"
 
 #include <gtest/gtest.h>
 
@@ -47,7 +48,7 @@ protected:
                 s.raw_force_S_N[0] = zero_[0] + pull_N + 0.001 * (i % 2);
                 s.raw_force_S_N[2] = zero_[2] - press_N + 0.001 * (i % 2);
                 for (auto& sd : s.sd_force_N) sd = 0.005;
-                grasping_.observe(sensor, s, zero_);
+                grasping_.observe(sensor, placed(s), zero_);
             }
         }
     }
@@ -84,7 +85,7 @@ TEST_F(GraspingTest, ASensorThatIsNoJawIsNobodysConcern) {
     hold_200_g();
     tactiled_sample bad{};
     bad.quality = TACTILED_BAD;
-    grasping_.observe(0, bad, {});
+    grasping_.observe(0, placed(bad), {});
     EXPECT_EQ(grasping_.state().state, unsigned(TACTILED_GRIP_HOLDING));
 }
 
@@ -93,7 +94,7 @@ TEST_F(GraspingTest, AJawWithoutAValueMakesTheGraspUnknown) {
     tactiled_sample bad{};
     bad.t_ns = t_ns_;
     tactiled_invalidate(&bad, TACTILED_STALE);
-    grasping_.observe(3, bad, zero_);
+    grasping_.observe(3, placed(bad), zero_);
     const tactiled_grasp g = grasping_.state();
     EXPECT_EQ(g.state, unsigned(TACTILED_GRIP_UNKNOWN));
     EXPECT_TRUE(std::isnan(g.weight_kg));
@@ -127,7 +128,7 @@ TEST_F(GraspingTest, ABadSampleNamesNoMethodAndIsNoStep) {
     bad.t_ns = t_ns_;
     bad.tare_count = 1;
     tactiled_invalidate(&bad, TACTILED_MISSING_CHANNEL);
-    grasping_.observe(3, bad, zero_);
+    grasping_.observe(3, placed(bad), zero_);
     observe(0, 0, 500, 1, 1);
     observe(5, 0, 300, 1, 1);
     observe(5, -0.981, 900, 1, 1);
@@ -273,7 +274,7 @@ TEST(GraspingWithoutASetup, NothingIsKnownAndNoCommandTaken) {
     Grasping none{std::nullopt};
     tactiled_sample s{};
     s.quality = TACTILED_GOOD;
-    none.observe(0, s, {});
+    none.observe(0, placed(s), {});
     none.set({});
     EXPECT_EQ(none.state().state, unsigned(TACTILED_GRIP_UNKNOWN));
     EXPECT_TRUE(std::isnan(none.state().weight_kg));

@@ -15,7 +15,7 @@ public:
     Estimate decouple(const Reading& r) noexcept override {
         Estimate e;
         for (std::size_t i = 0; i < 3; ++i) e.wrench_S[2 + i] = r.channel[i], e.sd[2 + i] = i == 0 ? 0.01 : 1e-5;
-        e.correlation = {0.5, -0.5};
+        e.correlations = &correlations_;
         if (-r.channel[0] > own_above_N_) e.cop_S_m = {7e-3, 8e-3}, e.cop_sd_m = {1e-4, 2e-4};
         e.has_value = true;
         return e;
@@ -23,7 +23,14 @@ public:
     [[nodiscard]] std::string_view method() const noexcept override { return "moments"; }
 
 private:
+    static Correlations with_fz(float mx, float my) {
+        Correlations result;
+        result.between[Correlations::index(2, 3)] = mx;
+        result.between[Correlations::index(2, 4)] = my;
+        return result;
+    }
     double own_above_N_;
+    Correlations correlations_ = with_fz(0.5f, -0.5f);
 };
 
 class SensorPlace : public ::testing::Test {
@@ -60,16 +67,16 @@ TEST_F(SensorPlace, IsThatOfTheWrench) {
     EXPECT_NEAR(s.cop_S_m[0], 3e-3, 1e-15);
     EXPECT_NEAR(s.cop_S_m[1], -1e-3, 1e-15);
     const double of_force = 3e-3 * 0.01;  // N m
-    EXPECT_NEAR(sensor_->cop_sd_m()[0], std::sqrt(1e-10 + of_force * of_force - 1e-5 * of_force) / 2, 1e-12);
+    EXPECT_FLOAT_EQ(sensor_->placed().cop_sd_m[0], float(std::sqrt(1e-10 + of_force * of_force - 1e-5 * of_force) / 2));
 }
 
 TEST_F(SensorPlace, NoPlaceBelowFiveSdAndWithoutAValue) {
     make();
-    EXPECT_TRUE(std::isnan(press(0.049, 3e-3, 0).cop_S_m[0]) && std::isnan(sensor_->cop_sd_m()[0]));
-    EXPECT_FALSE(std::isnan(press(0.051, 3e-3, 0).cop_S_m[0]) || std::isnan(sensor_->cop_sd_m()[0]));
+    EXPECT_TRUE(std::isnan(press(0.049, 3e-3, 0).cop_S_m[0]) && std::isnan(sensor_->placed().cop_sd_m[0]));
+    EXPECT_FALSE(std::isnan(press(0.051, 3e-3, 0).cop_S_m[0]) || std::isnan(sensor_->placed().cop_sd_m[0]));
     (void)press(2, 3e-3, 0);
     const tactiled_sample bad = sensor_->marker(t_ns_);
-    EXPECT_TRUE(std::isnan(bad.cop_S_m[0]) && std::isnan(sensor_->cop_sd_m()[0]));
+    EXPECT_TRUE(std::isnan(bad.cop_S_m[0]) && std::isnan(sensor_->placed().cop_sd_m[0]));
 }
 
 TEST_F(SensorPlace, IsThatOfTheTaredForce) {
@@ -94,7 +101,7 @@ TEST_F(SensorPlace, IsThatOfTheFilteredForce) {
 TEST_F(SensorPlace, OfTheModelHoldsUntilATare) {
     make(0, 1.5);
     EXPECT_EQ(press(2, 3e-3, 0).cop_S_m[0], 7e-3);
-    EXPECT_EQ(sensor_->cop_sd_m()[1], 2e-4);
+    EXPECT_EQ(sensor_->placed().cop_sd_m[1], 2e-4f);
     EXPECT_NEAR(press(1.4, 3e-3, 0).cop_S_m[0], 3e-3, 1e-15);
     tare();
     EXPECT_NEAR(press(2, 3e-3, -1e-3, 1).cop_S_m[0], 3e-3, 1e-12);

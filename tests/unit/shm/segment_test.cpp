@@ -150,7 +150,7 @@ TEST_F(SegmentTest, AReaderRefusesWhatItCannotRead) {
             file.seekp(long(offset)).write(reinterpret_cast<const char*>(&before), long(size)).flush();
             return text;
         };
-        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.9, this reader knows 1.9"),
+        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.9, this reader knows 1.10"),
                   std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, byte_order), 0x04030201, 4).find("byte order"), std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, total_size), 1u << 30, 4).find("truncated"), std::string::npos);
@@ -257,7 +257,7 @@ TEST_F(SegmentTest, AnotherMinorVersionIsReadAndAnotherMajorRefused) {
     patch(offsetof(tactiled_header, major), std::uint16_t(2));
     std::string why;
     EXPECT_FALSE(Segment::try_open(name_, why).is_open());
-    EXPECT_NE(why.find("version 2.7, this reader knows 1.9"), std::string::npos) << why;
+    EXPECT_NE(why.find("version 2.7, this reader knows 1.10"), std::string::npos) << why;
 }
 
 TEST_F(SegmentTest, TheBoundOfAnAgeIsRoundedUpSaturatesAndIsNotKnownFromAnOlderDaemon) {

@@ -67,24 +67,37 @@ TEST_F(SegmentVersions, ThePlaceOfASampleHasAnSdAndNoneFromAnOlderDaemon) {
     placed.sample.quality = TACTILED_GOOD;
     placed.sample.cop_S_m[0] = 0.003;
     placed.cop_sd_m[0] = 1e-4f;
-    writer->publish(0, placed.sample, {placed.cop_sd_m[0], placed.cop_sd_m[1]});
+    placed.budget.sd_part[TACTILED_OF_ZERO][2] = 0.25f;
+    placed.budget.model = 7;
+    writer->publish(0, placed);
     tactiled_placed seen{};
     ASSERT_TRUE(Segment::open(name_).latest(0, seen));
     EXPECT_EQ(seen.sample.cop_S_m[0], 0.003);
     EXPECT_EQ(seen.cop_sd_m[0], 1e-4f);
+    EXPECT_EQ(seen.budget.sd_part[TACTILED_OF_ZERO][2], 0.25f);
+    EXPECT_EQ(seen.budget.model, 7u);
     ASSERT_TRUE(Segment::open(name_).latest(0, seen, monotonic_ns() + 200'000'000));
     EXPECT_EQ(seen.sample.quality, unsigned(TACTILED_BAD));
     EXPECT_TRUE(std::isnan(seen.cop_sd_m[0]) && std::isnan(seen.cop_sd_m[1]));
+    EXPECT_TRUE(std::isnan(seen.budget.sd_part[TACTILED_OF_ZERO][2]) && std::isnan(seen.budget.alike_within));
+    EXPECT_EQ(seen.budget.model, 0u);
 
-    const int fd = ::open(path_.c_str(), O_RDWR);
-    const std::uint32_t size = sizeof(tactiled_sample);
-    const auto at = off_t(Segment::open(name_).header().sensor_offset + offsetof(tactiled_sensor, ring) +
-                          offsetof(tactiled_ring, record_size));
-    ASSERT_EQ(::pwrite(fd, &size, sizeof size, at), ssize_t(sizeof size));
-    ::close(fd);
+    const auto write_record_size = [&](std::uint32_t size) {
+        const int fd = ::open(path_.c_str(), O_RDWR);
+        const auto at = off_t(Segment::open(name_).header().sensor_offset + offsetof(tactiled_sensor, ring) +
+                              offsetof(tactiled_ring, record_size));
+        EXPECT_EQ(::pwrite(fd, &size, sizeof size, at), ssize_t(sizeof size));
+        ::close(fd);
+    };
+    write_record_size(offsetof(tactiled_placed, budget));  // 1.9
+    ASSERT_TRUE(Segment::open(name_).latest(0, seen));
+    EXPECT_EQ(seen.cop_sd_m[0], 1e-4f);
+    EXPECT_TRUE(std::isnan(seen.budget.sd_part[TACTILED_OF_ZERO][2]));
+    EXPECT_EQ(seen.budget.model, 0u);
+    write_record_size(sizeof(tactiled_sample));  // 1.8
     ASSERT_TRUE(Segment::open(name_).latest(0, seen));
     EXPECT_EQ(seen.sample.cop_S_m[0], 0.003);
-    EXPECT_TRUE(std::isnan(seen.cop_sd_m[0]));
+    EXPECT_TRUE(std::isnan(seen.cop_sd_m[0]) && std::isnan(seen.budget.sd_part[TACTILED_OF_ZERO][2]));
 }
 
 TEST_F(SegmentVersions, ADaemonBefore19HasNoRawTaxels) {

@@ -1,0 +1,12 @@
+// How the errors that a calibration states correlate: between components, and between loads.
+#pragma once
+#include "config/calibration.hpp"
+#include "decoupling/decoupler.hpp"
+
+namespace tactiled {
+
+// Returns the correlations that the calibration states; `model` is the same for each calibration of one model and method.
+// setup
+Correlations correlations_of(const Calibration& calibration);
+
+}  // namespace tactiled
