@@ -1,4 +1,4 @@
-// How the errors that a calibration states correlate: between components, and between loads.
+// The correlations of the errors that a calibration states: between components, and between loads.
 #pragma once
 #include "config/calibration.hpp"
 #include "decoupling/decoupler.hpp"

@@ -40,12 +40,12 @@ struct TemperatureInUse {
     double difference_K = 0;  // largest difference between two channels, or between a channel and the thermometer
 };
 
-// How the errors of a calibration correlate. Constant while the decoupler exists.
+// The correlations of the errors of a calibration. Constant while the decoupler exists.
 struct Correlations {
-    std::array<float, 15> between{};  // of two components; the order of tactiled_budget.correlation
+    std::array<float, 15> between{};  // two components; the order of tactiled_budget.correlation
     Wrench full_scale{kNoLoad, kNoLoad, kNoLoad, kNoLoad, kNoLoad, kNoLoad};
-    // Of the calibration errors under two loads at the distance d in full scales: alike / (1 + (d / alike_within)^2). NaN:
-    // not known.
+    // The calibration errors under two loads at the distance d in full scales have the correlation
+    // alike / (1 + (d / alike_within)^2). NaN: not known.
     float alike = std::numeric_limits<float>::quiet_NaN(), alike_within = 1;
     std::uint32_t model = 0;  // tactiled_budget.model
 
@@ -67,7 +67,7 @@ struct Estimate {
     // Parts of sd: what differs from sample to sample, the instrument of the labels, and temperature. The rest is the
     // calibration's.
     Wrench noise{}, reference{}, temperature{};
-    const Correlations* correlations = &Correlations::kNone;  // of the decoupler; never nullptr
+    const Correlations* correlations = &Correlations::kNone;  // the decoupler has them; never nullptr
     std::uint32_t direction = 0;  // method "signs": row of the decision table, 0 = none or not this method
 
     [[nodiscard]] tactiled_quality quality() const noexcept {

@@ -259,7 +259,7 @@ private:
     bool is_free_ = false;     // it may show the zero
     bool may_hold_ = false;    // an object may be held
     double rest_N_ = 0;        // magnitude of the last rest's mean, before the tare
-    Estimate estimate_;        // of the last sample
+    Estimate estimate_;        // last sample
     SdStages sd_;
     Thermometer thermometer_;
     std::size_t method_ = 0;  // method "auto": method of zero_S() and low_pass_; else 0

@@ -1,4 +1,4 @@
-// How the errors on held-out rows correlate: what a mean, a difference or a sum of samples may claim.
+// The structure of the errors on held-out rows: what a mean, a difference or a sum of samples may claim.
 #pragma once
 #include "decoupling/fit/validate.hpp"
 

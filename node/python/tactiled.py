@@ -163,8 +163,8 @@ Tool = collections.namedtuple("Tool", _TOOL.names)  # sensor n: sensor_force_G_N
 Command = collections.namedtuple("Command", "acknowledged state result")
 
 
-# What a standard deviation consists of: struct tactiled_budget. sd_part: six tuples, in the order of
-# tactiled_uncertainty.PARTS. That module has the rules by which they combine.
+# The parts of a standard deviation: struct tactiled_budget. sd_part: six tuples, in the order of
+# tactiled_uncertainty.PARTS, the module with the rules for them.
 Budget = collections.namedtuple("Budget", _PLACED.names[2:])
 
 

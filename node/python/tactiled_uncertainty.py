@@ -17,7 +17,7 @@ FX, FY, FZ, MX, MY, MZ = range(6)
 NOISE, CALIBRATION, REFERENCE, ZERO, TEMPERATURE, MOTION = range(6)  # the parts of a standard deviation
 PARTS = ("noise", "calibration", "reference", "zero", "temperature", "motion")
 SURE = 3.0  # a magnitude above this many sd is an estimate; below, it is a bound
-WITHIN = 1.96  # 95 % of normal errors
+WITHIN = 1.96  # normal errors: 95 %
 DIVISOR = 10.0  # a ratio over a press above this many sd has an interval wider by at most 1 / 100 than its sd says
 LOW_PASS = 4  # bit of Sample.state
 

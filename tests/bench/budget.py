@@ -27,11 +27,13 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+import types
 from dataclasses import dataclass
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests/scenes"))
+sys.path[:0] = [str(ROOT / "tests/scenes"), str(ROOT / "node/python")]
 import run  # noqa: E402
+import tactiled_uncertainty as rules  # noqa: E402
 
 FORCES = ("fx_N", "fy_N", "fz_N")
 TARE_FOR_S = 0.7                    # times of a slower model
@@ -162,7 +164,7 @@ def make(job):
 
 @dataclass
 class Row:
-    """A sample of a component."""
+    """A sample of a component. `whole`: that of all components, for tactiled_uncertainty; `hold`: number of the load."""
     t_s: float
     error: float  # tared
     sd: float
@@ -170,6 +172,9 @@ class Row:
     load: float   # estimated, relative to the largest full scale
     peak: float   # the largest true load since the last rest
     settled: bool
+    hold: int = 0
+    whole: object = None
+    errors: tuple = ()
 
 
 def number(cell):
@@ -185,9 +190,11 @@ def rows_of(model, folder, calibration, forces):
         truth = list(csv.DictReader(file))
     tare = [e for e, row in zip(estimates, truth, strict=True) if -TARE_FOR_S * model.slower < float(row["after_tare_s"]) < 0]
     zero = {c: statistics.fmean(number(e[c]) for e in tare) for c in FORCES}
-    result, peak = {c: [] for c in FORCES}, 0.0
+    result, peak, hold, before = {c: [] for c in FORCES}, 0.0, 0, None
+    budget_at = list(estimates[0]).index("noise_fx") if "noise_fx" in estimates[0] else None
     for e, row in zip(estimates, truth):
         true = [float(row[c]) for c in FORCES]
+        hold, before = hold + (true != before), true
         if not any(true):
             peak = 0.0
         peak = max(peak, math.hypot(*true) / max(full_scale))
@@ -195,9 +202,14 @@ def rows_of(model, folder, calibration, forces):
             continue
         force = [number(e[c]) - zero[c] for c in FORCES]
         load = math.hypot(*force) / max(full_scale)
-        for c, f, f_true in zip(FORCES, force, true):
-            result[c].append(Row(float(e["t_s"]), f - f_true, number(e["sd_" + c]), e["quality"].startswith("good"), load, peak,
-                                 row["settled"] == "1"))
+        errors, whole = tuple(f - f_true for f, f_true in zip(force, true)), None
+        if budget_at is not None and row["settled"] == "1":
+            sds = tuple(number(e["sd_" + c]) for c in FORCES)
+            whole = types.SimpleNamespace(force_S_N=tuple(force), sd_force_N=sds, sd_torque_Nm=(math.nan,) * 3, state=0, epoch=1, tare_count=1,
+                                          budget=rules.budget_of(map(number, list(e.values())[budget_at:budget_at + 60])))
+        for c, error, sd in zip(FORCES, errors, whole.sd_force_N if whole else (number(e["sd_" + c]) for c in FORCES)):
+            result[c].append(Row(float(e["t_s"]), error, sd, e["quality"].startswith("good"), load, peak, row["settled"] == "1", hold,
+                                 whole, errors))
     return result
 
 
@@ -213,8 +225,97 @@ def small_after_rest(rows):
                     if r.settled and SMALL[0] <= r.load <= SMALL[1] and r.peak <= r.load + AFTER_REST] for c, own in rows.items()}
 
 
+def holds_of(own):
+    """The settled rows of each load that was held, in the order of time."""
+    holds = {}
+    for r in own:
+        if r.settled and r.whole:
+            holds.setdefault(r.hold, []).append(r)
+    return list(holds.values())
+
+
+def mean_of(n):
+    def cell(rows):
+        result = {}
+        for k, (c, own) in enumerate(rows.items()):
+            result[c[:2]] = [(statistics.fmean(r.error for r in hold[i:i + n]), rules.sd_of_mean(hold[i].whole, k, n), hold[i].good, hold[i].load)
+                             for hold in holds_of(own) for i in range(0, len(hold) - n + 1, n)]
+        return result
+    return cell
+
+
+def difference(rows):
+    """The middle of a hold minus the middle of the one before."""
+    result = {}
+    for k, (c, own) in enumerate(rows.items()):
+        middles = [hold[len(hold) // 2] for hold in holds_of(own)]
+        result[c[:2]] = [(b.error - a.error, rules.sd_of_difference(b.whole, a.whole, k), a.good and b.good, b.load)
+                         for a, b in zip(middles, middles[1:])]
+    return result
+
+
+def magnitude(rows):
+    result = []
+    for r in next(iter(rows.values())):
+        if r.settled and r.whole:
+            value = rules.magnitude(r.whole)
+            true = math.hypot(*(f - e for f, e in zip(r.whole.force_S_N, r.errors)))
+            if not value.is_bound:
+                result.append((value.value - true, value.sd, r.good, r.load))
+    return {"|F|": result}
+
+
+def bound_of_magnitude(rows):
+    """Where the magnitude is a bound: within, as if 1.96 sd were its distance from the measured one."""
+    result = []
+    for r in next(iter(rows.values())):
+        if r.settled and r.whole and (value := rules.magnitude(r.whole)).is_bound:
+            true = math.hypot(*(f - e for f, e in zip(r.whole.force_S_N, r.errors)))
+            result.append((0.0 if true <= value.value else math.inf, 1.0, r.good, r.load))
+    return {"|F|": result}
+
+
+def direction(rows):
+    result = []
+    for r in next(iter(rows.values())):
+        if r.settled and r.whole:
+            unit, sd = rules.direction(r.whole)
+            true = [f - e for f, e in zip(r.whole.force_S_N, r.errors)]
+            if not math.isnan(sd) and math.hypot(*true) > 0:
+                cosine = sum(u * t for u, t in zip(unit, true)) / math.hypot(*true)
+                result.append((math.acos(max(-1.0, min(1.0, cosine))), sd, r.good, r.load))
+    return {"angle": result}
+
+
+def sum_of(sensors, are_like):
+    """Sums over several sensors: of samples of like loads, or of any. A group of sensors counts as one."""
+    groups = []
+    n = len(sensors[0])
+    for group in zip(*sensors):
+        samples = []
+        for i, first in enumerate(group[0]):
+            chosen = [first]
+            for other in group[1:]:
+                if not other:
+                    break
+                chosen.append(min(other, key=lambda r: math.dist(r.whole.budget.load, first.whole.budget.load)) if are_like
+                              else other[i % len(other)])
+            if len(chosen) < n:
+                continue
+            for k, c in enumerate(FORCES):
+                weight = tuple(1.0 if d == k else 0.0 for d in range(6))
+                samples.append((c[:2], (sum(r.errors[k] for r in chosen), rules.sd_of_sum([r.whole for r in chosen], [weight] * n),
+                                        all(r.good for r in chosen), first.load)))
+        groups.append({c[:2]: [s for name, s in samples if name == c[:2]] for c in FORCES})
+    return groups
+
+
+SUMS = (2, 4, 16)
 # With the cell whose errors the oracle knows.
 CELLS = {"all loads": (single, "all loads"), "3 to 15 % after a rest": (small_after_rest, "all loads")}
+CELLS |= {f"mean of {n}": (mean_of(n), "all loads") for n in (1, 10, 100)}
+CELLS |= {"difference": (difference, "all loads"), "magnitude": (magnitude, None), "bound of it": (bound_of_magnitude, None),
+          "direction": (direction, None)}
 
 
 @dataclass
@@ -253,15 +354,19 @@ def judge(job):
     words += ["--channel-unit", "pF" if name in ("capacitive", "generic") else "dR/R0"]
     if name == "generic":
         words += ["--channels", ",".join(told["channels"])]
+    help_text = subprocess.run([pathlib.Path(program) / "tactilectl", "decouple", "--help"], capture_output=True, text=True).stdout
+    more = ["--budget"] if "--budget " in help_text else []
     with tempfile.TemporaryDirectory() as temporary:
         calibration, forces = pathlib.Path(temporary) / "calibration.toml", pathlib.Path(temporary) / "forces.csv"
         for command in (["calibrate", "--model", name, "--method", model.method, "--in", folder / "labelled.csv", "--out", calibration, *words],
-                        ["decouple", "--calibration", calibration, "--in", folder / "use.csv", "--out", forces]):
+                        ["decouple", "--calibration", calibration, "--in", folder / "use.csv", "--out", forces, *more]):
             done = subprocess.run([pathlib.Path(program) / "tactilectl", *command], capture_output=True, text=True)
             if done.returncode != 0:
                 return f"{name} {seed}: {done.stderr.strip().splitlines()[-1]}"
         rows = rows_of(model, folder, calibration, forces)
-        return {(cell, c): figures(own) for cell, (function, _) in CELLS.items() for c, own in function(rows).items()}
+        result = {(cell, c): figures(own) for cell, (function, _) in CELLS.items() for c, own in function(rows).items()}
+        result["holds"] = [hold[len(hold) // 2] for hold in holds_of(next(iter(rows.values())))]  # of all components
+        return result
 
 
 def interval(values):
@@ -288,11 +393,22 @@ def report(program, name, found):
     for refusal in (each for each in found if isinstance(each, str)):
         print(f"# {refusal}")
     found = [each for each in found if not isinstance(each, str)]
-    for cell, component in found[0] if found else ():
-        own = [each[cell, component] for each in found if each[cell, component]]
+    holds = [each.pop("holds") for each in found]
+    for n in SUMS:
+        for are_like in (True, False):
+            usable = [h for h in holds if h]
+            if len(usable) < n:
+                continue
+            cell = f"sum of {n}, {'like' if are_like else 'any'} loads"
+            for group in sum_of([usable[i::n][:len(usable) // n] for i in range(n)], are_like):
+                found.append({(cell, c): figures(own) for c, own in group.items()})
+    names = dict.fromkeys(key for each in found for key in each)
+    for cell, component in names:
+        own = [each[cell, component] for each in found if each.get((cell, component))]
         if not own:
             continue
-        known = [each[CELLS[cell][1], component] for each in found if each[CELLS[cell][1], component]]
+        of_oracle = CELLS.get(cell, (None, None))[1]
+        known = [each[of_oracle, component] for each in found if each.get((of_oracle, component))] or own
         mean, low, high = interval([f.within for f in own])
         beyond = statistics.fmean(f.beyond for f in own)
         rms = math.sqrt(statistics.fmean(f.square for f in own))

@@ -258,11 +258,11 @@ struct tactiled_sample {
 #define TACTILED_WORD_OF_PART_(part, word, ...) word,
 enum tactiled_part { TACTILED_PART_TABLE(TACTILED_ENUM_OF_PART_) TACTILED_PARTS };
 
-/* What the standard deviations of one sample consist of, and how its errors correlate. Components in the order fx fy fz mx
- * my mz; NaN where the sd is not known. Since 1.10. */
+/* The parts of the standard deviations of one sample, and the correlations of its errors. Components in the order fx fy fz
+ * mx my mz; NaN where the sd is not known. Since 1.10. */
 struct tactiled_budget {
     float sd_part[TACTILED_PARTS][6]; /* [part][component], N or Nm; that of the reference has the sign of the component */
-    float correlation[15];            /* of the errors of two components, rows above the diagonal: fx fy, fx fz .. my mz */
+    float correlation[15];            /* errors of two components, rows above the diagonal: fx fy, fx fz .. my mz */
     float load[6];                    /* raw component as a part of its full scale; 0 = not measured */
     /* Two loads at the distance d in `load` have calibration errors of the correlation alike / (1 + (d / alike_within)^2).
      */

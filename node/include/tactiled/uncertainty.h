@@ -21,7 +21,7 @@ struct tactiled_value {
 };
 
 #define TACTILED_SURE 3.0    /* a magnitude above this many sd is an estimate; below, it is a bound */
-#define TACTILED_WITHIN 1.96 /* 95 % of normal errors */
+#define TACTILED_WITHIN 1.96 /* normal errors: 95 % */
 /* A ratio over a press above this many sd has an interval wider by at most 1 / 100 than its sd says (Fieller 1954). */
 #define TACTILED_DIVISOR 10.0
 
