@@ -116,7 +116,7 @@ void print_damage(const Calibration& calibration) {
         "weight (weigh known) would; undetected_damage_limit makes such a sensor UNCERTAIN.\n");
 }
 
-// What the standard deviation consists of, besides the error of the calibration.
+// Prints the parts of the standard deviation besides the error of the calibration.
 void print_budget(const FitReport& report) {
     const Calibration& calibration = report.calibration;
     if (calibration.sd.empty()) return;

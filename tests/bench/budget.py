@@ -266,7 +266,7 @@ def magnitude(rows):
 
 
 def bound_of_magnitude(rows):
-    """Where the magnitude is a bound: within, as if 1.96 sd were its distance from the measured one."""
+    """Samples whose magnitude is a bound: an error of 0 where it holds, else infinite."""
     result = []
     for r in next(iter(rows.values())):
         if r.settled and r.whole and (value := rules.magnitude(r.whole)).is_bound:
@@ -365,7 +365,7 @@ def judge(job):
                 return f"{name} {seed}: {done.stderr.strip().splitlines()[-1]}"
         rows = rows_of(model, folder, calibration, forces)
         result = {(cell, c): figures(own) for cell, (function, _) in CELLS.items() for c, own in function(rows).items()}
-        result["holds"] = [hold[len(hold) // 2] for hold in holds_of(next(iter(rows.values())))]  # of all components
+        result["holds"] = [hold[len(hold) // 2] for hold in holds_of(next(iter(rows.values())))]  # all components
         return result
 
 

@@ -143,7 +143,7 @@ class Rules(unittest.TestCase):
                 error = now.draw(self.random, "calibration", z) - then.draw(self.random, "calibration", z_then)
                 error += (now.gain * now.truth - then.gain * then.truth) * self.random.normal(size=(DRAWS, 1))
                 z = self.random.normal(size=(DRAWS, 6))
-                moved = now.draw(self.random, "zero") * 0.8  # 0.6^2 + 0.8^2 = 1: what the zero has moved since
+                moved = now.draw(self.random, "zero") * 0.8  # 0.6^2 + 0.8^2 = 1: the motion of the zero since
                 error += now.draw(self.random, "zero", z) * 0.6 + moved
                 error -= then.draw(self.random, "zero", z if one_zero else None)
                 for name in ("noise", "temperature", "motion"):
