@@ -92,7 +92,7 @@ class Layout:
             for field, dims in re.findall(r"(\w+)((?:\[\w+\])*)", names):
                 count = math.prod(int(dim) if dim.isdigit() else self.numbers[dim.replace("TACTILED_", "")]
                                   for dim in re.findall(r"\w+", dims))
-                if kind in ("struct tactiled_grasp", "struct tactiled_tool", "struct tactiled_sample"):  # tables of their own
+                if kind in ("struct tactiled_grasp", "struct tactiled_tool", "struct tactiled_sample", "struct tactiled_budget"):  # tables of their own
                     letter, size, count, align = "s", 1, self.sizes[kind.split("_", 1)[1]], 8
                 elif kind.startswith("struct"):
                     inner = self.structs[kind.split("_", 1)[1]]

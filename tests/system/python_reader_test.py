@@ -53,7 +53,7 @@ class TheTables(unittest.TestCase):
 
     def test_have_the_words_of_tactilectl(self):
         source = (ROOT / "node/include/tactiled/layout.h").read_text()
-        table = dict(re.findall(r'^ +X\((\w+), "([\w-]+)", ', source, flags=re.M))
+        table = dict(re.findall(r'^ +X\((\w+), "([\w-]+)", TACTILED_', source, flags=re.M))
         self.assertEqual(set(table), set(LAYOUT.enums["reason"]))
         for name, word in table.items():
             self.assertEqual(tactiled.REASON_WORDS[getattr(tactiled, name).bit_length() - 1], word)

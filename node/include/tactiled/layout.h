@@ -256,7 +256,9 @@ struct tactiled_sample {
     X(MOTION, "motion", "delay and filter while the load changes", "wait until the load rests")
 #define TACTILED_ENUM_OF_PART_(part, ...) TACTILED_OF_##part,
 #define TACTILED_WORD_OF_PART_(part, word, ...) word,
-enum tactiled_part { TACTILED_PART_TABLE(TACTILED_ENUM_OF_PART_) TACTILED_PARTS };
+enum tactiled_part { TACTILED_PART_TABLE(TACTILED_ENUM_OF_PART_) };
+#define TACTILED_PARTS 6
+TACTILED_ASSERT(TACTILED_OF_MOTION + 1 == TACTILED_PARTS);
 
 /* The parts of the standard deviations of one sample, and the correlations of its errors. Components in the order fx fy fz
  * mx my mz; NaN where the sd is not known. Since 1.10. */
