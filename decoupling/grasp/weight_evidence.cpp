@@ -10,7 +10,9 @@
 namespace tactiled::grasp {
 namespace {
 
-constexpr double kShare = 0.25;             // tolerance of a share, relative to a jaw's load, where share_sd is small
+constexpr double kShare = 0.25;  // tolerance of a share, relative to a jaw's load, where share_sd is small
+// The same with a sensor in each jaw: an object held off its centre loads two jaws with 20 and 80 %.
+constexpr double kSplit = 0.6;
 constexpr double kShareSds = 6;             // tolerance in share_sd, where that is large
 constexpr double kShareInSd = 0.5;          // part of a difference beyond 3 share_sd that the weight's sd contains
 constexpr double kShareCreeps = 0.05;       // tolerance of a share within one grasp
@@ -67,17 +69,15 @@ Weight::Findings Weight::examine(std::span<const JawForces> forces, double mass_
     Findings found;
     const bool shown = check_.done && check_.carrying == carrying();
     const std::array<double, kMaxJaws> even{};
-    const double tolerance = std::max(kShare, kShareSds * share_sd_);
-    const Shares shares = shares_of(forces, shown ? check_.off : even, tolerance);
     // The sum of all jaws is the weight, whatever their shares are; only a jaw without a sensor is inferred from these.
     const bool infers = std::popcount(carrying()) < int(n_all_);
+    const double tolerance = std::max(infers ? kShare : kSplit, kShareSds * share_sd_);
+    const Shares shares = shares_of(forces, shown ? check_.off : even, tolerance);
     if (shares.known) {
         found.off = shares.off;
-        if (shares.dead != 0 || infers) {
-            found.jaws |= shares.jaws;
-            if (shares.jaws != 0)
-                found.doubts |= std::uint32_t(shares.dead != 0 ? TACTILED_DOUBT_DEAD_SHEAR : TACTILED_DOUBT_SHARES);
-        }
+        found.jaws |= shares.jaws;
+        if (shares.jaws != 0)
+            found.doubts |= std::uint32_t(shares.dead != 0 ? TACTILED_DOUBT_DEAD_SHEAR : TACTILED_DOUBT_SHARES);
         if (infers) found.sd_kg = kShareInSd * std::max(0.0, shares.max_off - 3 * share_sd_) * std::abs(mass_kg);
     }
     if (all_face_) {

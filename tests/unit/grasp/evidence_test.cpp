@@ -45,6 +45,26 @@ TEST(GraspEvidence, AJawThatIsTurnedRoundContradictsTheOther) {
     expect_never_stable(hand, TACTILED_DOUBT_SHARES, 2u);
 }
 
+// The sum is the weight; an object that is held off its centre loads the jaws unevenly.
+TEST(GraspEvidence, ASplitOfTheLoadIsNoPartOfTheSdWithASensorInEachJaw) {
+    const auto weighed = [](double left) {
+        Hand hand;
+        hand.spoil = [=](std::size_t j, JawSample& s) {
+            for (std::size_t k = 0; k < 2; ++k) s.force_S_N[k] *= 2 * (j == 0 ? left : 1 - left);
+        };
+        hand.close().lift(kMass_kg);
+        return hand.now();
+    };
+    const tactiled_grasp even = weighed(0.5);
+    for (const double left : {0.3, 0.4, 0.6, 0.7}) {
+        const tactiled_grasp split = weighed(left);
+        EXPECT_EQ(split.weight_state, unsigned(TACTILED_WEIGHT_STABLE)) << left;
+        EXPECT_EQ(split.weight_doubts, 0u) << left;
+        EXPECT_NEAR(split.weight_kg, even.weight_kg, even.weight_sd_kg) << left;
+        EXPECT_LE(split.weight_sd_kg, 1.5 * even.weight_sd_kg) << left;
+    }
+}
+
 TEST(GraspEvidence, AJawAtHalfGainDoesNotBalance) {
     Hand hand;
     hand.spoil = [](std::size_t j, JawSample& s) {
