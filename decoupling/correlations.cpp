@@ -30,7 +30,7 @@ Correlations correlations_of(const Calibration& calibration) {
                 result.between[Correlations::index(std::min(c, d), std::max(c, d))] = float(calibration.correlation[k]);
         }
     }
-    result.model = number_of(calibration.model + "/" + calibration.method);
+    result.model = number_of(calibration.model);
     if (calibration.alike.size() == 2) {
         result.alike = float(calibration.alike[0]);
         result.alike_within = float(calibration.alike[1]);

@@ -5,7 +5,7 @@
 
 namespace tactiled {
 
-// Returns the correlations that the calibration states; `model` is the same for each calibration of one model and method.
+// Returns the correlations that the calibration states; `model` is the same for each calibration of one model.
 // setup
 Correlations correlations_of(const Calibration& calibration);
 

@@ -125,37 +125,34 @@ std::vector<Held> loads_held(const Errors& errors, const Calibration& calibratio
 }
 
 // Returns {alike, within} by least squares over pairs of loads: the products of their errors, by the distance of the loads.
+// `alike` is that of the component that repeats worst, because what is taken for alike is taken to cancel.
 std::vector<double> alike_of(const std::vector<Held>& held) {
     constexpr std::size_t kEnough = 20, kPairs = 50'000;
     if (held.size() < kEnough) return {};
-    double squares = 0;
-    for (const Held& one : held) squares += one.error.squaredNorm() / double(held.size());
-    if (!(squares > 0)) return {};
-    struct Pair {
-        double squared_distance, product;
-    };
-    std::vector<Pair> pairs;
+    Eigen::ArrayXd squares = Eigen::ArrayXd::Zero(held.front().error.size());
+    for (const Held& one : held) squares += one.error.array().square() / double(held.size());
+    if (!(squares > 0).all()) return {};
+    std::vector<std::pair<const Held*, const Held*>> pairs;
     std::mt19937_64 random(1);
     std::uniform_int_distribution<std::size_t> any(0, held.size() - 1);
-    for (std::size_t p = 0; p < kPairs; ++p) {
-        const Held &a = held[any(random)], &b = held[any(random)];
-        if (&a != &b) pairs.push_back({(a.place - b.place).squaredNorm(), a.error.dot(b.error) / squares});
-    }
+    for (std::size_t p = 0; p < kPairs; ++p)
+        if (const Held& a = held[any(random)], &b = held[any(random)]; &a != &b) pairs.emplace_back(&a, &b);
     double best = std::numeric_limits<double>::infinity();
     std::vector<double> result;
     for (double within = 4; within > 0.02; within /= std::numbers::sqrt2) {
-        double both = 0, of_kernel = 0, sum = 0;
-        for (const Pair& pair : pairs) {
-            const double kernel = 1 / (1 + pair.squared_distance / (within * within));
-            both += kernel * pair.product;
+        Eigen::ArrayXd both = Eigen::ArrayXd::Zero(squares.size());
+        double of_kernel = 0;
+        for (const auto& [a, b] : pairs) {
+            const double kernel = 1 / (1 + (a->place - b->place).squaredNorm() / (within * within));
+            both += kernel * a->error.array() * b->error.array() / squares;
             of_kernel += kernel * kernel;
         }
-        const double alike = std::clamp(both / of_kernel, 0.0, 1.0);
-        for (const Pair& pair : pairs)
-            sum += std::pow(pair.product - alike / (1 + pair.squared_distance / (within * within)), 2);
-        if (!(sum < best)) continue;
-        best = sum;
-        result = {alike, within};
+        // The sum of squares that remains is less by this, for each component.
+        const Eigen::ArrayXd alike = (both / of_kernel).max(0).min(1);
+        const double left = (alike * (alike * of_kernel - 2 * both)).sum();
+        if (!(left < best)) continue;
+        best = left;
+        result = {alike.minCoeff(), within};
     }
     return result;
 }

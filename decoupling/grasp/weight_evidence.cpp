@@ -78,7 +78,8 @@ Weight::Findings Weight::examine(std::span<const JawForces> forces, double mass_
         found.jaws |= shares.jaws;
         if (shares.jaws != 0)
             found.doubts |= std::uint32_t(shares.dead != 0 ? TACTILED_DOUBT_DEAD_SHEAR : TACTILED_DOUBT_SHARES);
-        if (infers) found.sd_kg = kShareInSd * std::max(0.0, shares.max_off - 3 * share_sd_) * std::abs(mass_kg);
+        if (infers || shares.dead != 0)
+            found.sd_kg = kShareInSd * std::max(0.0, shares.max_off - 3 * share_sd_) * std::abs(mass_kg);
     }
     if (all_face_) {
         const bool reported = acceleration_reported_ && block(0).acceleration_known;

@@ -147,20 +147,15 @@ inline void CheckedModel::check_components(const Input& input, Estimate& estimat
     put_parts(input, estimate);
 }
 
-// The error of the reference is no error that held-out rows show: it is added to theirs, and has the sign of the component
-// where it is an error of gain.
-inline void CheckedModel::put_parts(const Input& input, Estimate& estimate) const noexcept {
-    for (std::size_t i = 0; i < n_seen_; ++i) {
-        const std::size_t c = order_[i];
-        estimate.noise[c] = input.sd_factor[c] * noise_[c];
-    }
+// The error of the reference is no error that held-out rows show: it is added to theirs. Only that of its gain is alike in
+// all components, and has their sign; its offset is an error of this calibration.
+inline void CheckedModel::put_parts(const Input& /*input*/, Estimate& estimate) const noexcept {
+    for (std::size_t i = 0; i < n_seen_; ++i) estimate.noise[order_[i]] = noise_[order_[i]];
     if (!has_reference_) return;
     for (std::size_t i = 0; i < n_seen_; ++i) {
         const std::size_t c = order_[i];
-        const double of_gain = reference_gain_ * estimate.wrench_S[c];
-        const double reference = std::hypot(reference_[c], of_gain);
-        estimate.reference[c] = std::copysign(reference, of_gain);
-        estimate.sd[c] = std::hypot(estimate.sd[c], reference);
+        estimate.reference[c] = reference_gain_ * estimate.wrench_S[c];
+        estimate.sd[c] = std::hypot(estimate.sd[c], reference_[c], estimate.reference[c]);
     }
 }
 

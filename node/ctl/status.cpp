@@ -165,7 +165,7 @@ std::string uncertainty_text(const tactiled_placed& placed) {
     static constexpr Part kParts[] = {TACTILED_PART_TABLE(TACTILED_TEXT_OF_PART_)};
 #undef TACTILED_TEXT_OF_PART_
     const unsigned part = tactiled_largest_part(&placed);
-    return part < TACTILED_PARTS ? fmt::format("mostly {}: {}", kParts[part].word, kParts[part].remedy) : "";
+    return part < TACTILED_PARTS ? fmt::format("largest part {}: {}", kParts[part].word, kParts[part].remedy) : "";
 }
 
 double age_bound_ms(const Segment& segment, std::uint32_t i) {

@@ -15,8 +15,8 @@ inline constexpr const char* kLinkCountNames[TACTILED_LINK_COUNTS] = {
 // Returns the number right-aligned in `width` columns, "-" if it is not finite.
 std::string number(double value, int width, int digits);
 double age_ms(const tactiled_sample& s, std::uint64_t now_ns);
-// Returns what most of the variance of the force comes from, with the remedy: "mostly zero: tare it without a load"; "" =
-// not known.
+// Returns the largest part of the variance of the force, with its remedy: "largest part zero: tare it without a load"; ""
+// = not known.
 std::string uncertainty_text(const tactiled_placed& placed);
 // Returns the largest possible age of the newest frame of sensor `i`, in ms; NaN if it is not known.
 double age_bound_ms(const Segment& segment, std::uint32_t i);

@@ -142,7 +142,7 @@ constexpr Register kSensorSds[] = {
      "one standard deviation of F_MAG; NaN below three of them, where noise alone has a length", magnitude_sd},
     {16, "F_MAX", f32, kFloatN, "at least 95 % of the true magnitudes are below it, with and without SD_F_MAG",
      magnitude_bound},
-    {18, "PART", enumeration, kNoUnit, "what most of the variance of the force comes from", largest_part},
+    {18, "PART", enumeration, kNoUnit, "the largest part of the variance of the force", largest_part},
     {19, "SEQ_END", count, kNoUnit, "= SEQ", sequence},
 };
 

@@ -6,7 +6,7 @@ The same as uncertainty.h for C and C++; node/guide/uncertainty.md derives them.
         s = node.latest("left")
         print(rules.magnitude(s), rules.sd_of_mean(s, rules.FZ, 100))
 
-A sample is any object with force_S_N, sd_force_N, sd_torque_Nm, state, epoch, tare_count and budget, a Budget: a
+A sample is any object with quality, force_S_N, sd_force_N, sd_torque_Nm, state, epoch, tare_count and budget, a Budget: a
 tactiled.Sample, or one made from a row of `tactilectl decouple --budget`. Components: FX .. MZ, frame S. A result is NaN
 if a standard deviation that it needs is not known.
 """
@@ -19,7 +19,7 @@ PARTS = ("noise", "calibration", "reference", "zero", "temperature", "motion")
 SURE = 3.0  # a magnitude above this many sd is an estimate; below, it is a bound
 WITHIN = 1.96  # normal errors: 95 %
 DIVISOR = 10.0  # a ratio over a press above this many sd has an interval wider by at most 1 / 100 than its sd says
-LOW_PASS = 4  # bit of Sample.state
+LOW_PASS, METHOD = 4, 15 << 16  # bits of Sample.state
 
 # sd_part: by part and component, N or Nm. correlation: of two components, the 15 pairs above the diagonal. load: in full
 # scales. The others: struct tactiled_budget of layout.h.
@@ -53,15 +53,11 @@ def correlation(budget, c, d):
     return r if -1 <= r <= 1 else 0.0
 
 
-def alike(a, b, unknown):
-    """The correlation of the calibration errors under the loads of two budgets."""
-    if a.model == 0 or a.model != b.model:
-        return 0.0
+def alike(a, b):
+    """The correlation of the calibration errors of one sensor under the loads of two budgets; 0 if it is not known."""
     within = a.alike_within * b.alike_within
     squared = sum((x - y) ** 2 for x, y in zip(a.load, b.load)) / within if within > 0 else math.nan
-    if squared >= 0 and a.alike >= 0 and b.alike >= 0:
-        return math.sqrt(a.alike * b.alike) / (1 + squared)
-    return unknown
+    return math.sqrt(a.alike * b.alike) / (1 + squared) if squared >= 0 and a.alike >= 0 and b.alike >= 0 else 0.0
 
 
 def _covariance(budget, c, d):
@@ -92,34 +88,35 @@ def sd_of_difference(now, earlier, c):
     if math.isnan(a[NOISE][c] + b[NOISE][c]):
         return _root(variance)
     variance -= 2 * a[REFERENCE][c] * b[REFERENCE][c]
-    variance -= 2 * alike(now.budget, earlier.budget, 0.0) * a[CALIBRATION][c] * b[CALIBRATION][c]
+    if (now.state ^ earlier.state) & METHOD == 0:
+        variance -= 2 * alike(now.budget, earlier.budget) * a[CALIBRATION][c] * b[CALIBRATION][c]
     if (now.epoch, now.tare_count) == (earlier.epoch, earlier.tare_count):
         variance -= 2 * min(a[ZERO][c], b[ZERO][c]) ** 2
     return _root(variance)
 
 
+def _product(budget, weight_a, sd_a, weight_b, sd_b):
+    return sum(weight_a[c] * weight_b[d] * sd_a[c] * sd_b[d] * correlation(budget, c, d)
+               for c in range(6) if weight_a[c] != 0 for d in range(6) if weight_b[d] != 0)
+
+
 def sd_of_sum(samples, weights):
     """The sd of the sum over sensors of weights[i][c] times component c of samples[i]. (0, 0, 1, 0, 0, 0) for each: sum of
-    fz. Errors that two sensors have in common add up; where they would cancel, they are taken as independent."""
-    variance = reference = motion = 0.0
+    fz. Errors that sensors share add up; where they would cancel, they count as independent."""
+    if any(sample.quality not in (1, 2) for sample in samples):  # GOOD, UNCERTAIN
+        return math.nan
+    variance = reference = references = 0.0
     budgets = [sample.budget for sample in samples]
     for i, (budget, weight) in enumerate(zip(budgets, weights)):
-        used = [c for c in range(6) if weight[c] != 0]
-        variance += sum(weight[c] * weight[d] * _covariance(budget, c, d) for c in used for d in used)
-        of_reference = sum(weight[c] * budget.sd_part[REFERENCE][c] for c in used)
-        of_motion = sum((weight[c] * budget.sd_part[MOTION][c]) ** 2 for c in used)
-        variance -= of_motion + of_reference ** 2  # these add up linearly
+        variance += sum(_product(budget, weight, part, weight, part) for p, part in enumerate(budget.sd_part) if p != REFERENCE)
+        of_reference = sum(weight[c] * budget.sd_part[REFERENCE][c] for c in range(6) if weight[c] != 0)
         reference += of_reference
-        motion += math.sqrt(of_motion)
+        references += of_reference ** 2
         for other, others_weight in zip(budgets[:i], weights):
-            if budget.model == 0 or budget.model != other.model:
-                continue
-            pairs = [(c, d, weight[c] * others_weight[d] * correlation(budget, c, d))
-                     for c in used for d in range(6) if others_weight[d] != 0]
-            curve, warm = (sum(both * budget.sd_part[part][c] * other.sd_part[part][d] for c, d, both in pairs)
-                           for part in (CALIBRATION, TEMPERATURE))
-            variance += 2 * max(curve, 0.0) * alike(budget, other, 1.0) + 2 * max(warm, 0.0)
-    return _root(max(variance, 0.0) + reference ** 2 + motion ** 2) if variance == variance else math.nan
+            if budget.model != 0 and budget.model == other.model:
+                for p in (CALIBRATION, TEMPERATURE, MOTION):
+                    variance += 2 * max(0.0, _product(budget, weight, budget.sd_part[p], others_weight, other.sd_part[p]))
+    return _root(max(variance, 0.0) + max(reference ** 2, references)) if variance == variance else math.nan
 
 
 class _Length:

@@ -205,7 +205,7 @@ def rows_of(model, folder, calibration, forces):
         errors, whole = tuple(f - f_true for f, f_true in zip(force, true)), None
         if budget_at is not None and row["settled"] == "1":
             sds = tuple(number(e["sd_" + c]) for c in FORCES)
-            whole = types.SimpleNamespace(force_S_N=tuple(force), sd_force_N=sds, sd_torque_Nm=(math.nan,) * 3, state=0, epoch=1, tare_count=1,
+            whole = types.SimpleNamespace(quality=1, force_S_N=tuple(force), sd_force_N=sds, sd_torque_Nm=(math.nan,) * 3, state=0, epoch=1, tare_count=1,
                                           budget=rules.budget_of(map(number, list(e.values())[budget_at:budget_at + 60])))
         for c, error, sd in zip(FORCES, errors, whole.sd_force_N if whole else (number(e["sd_" + c]) for c in FORCES)):
             result[c].append(Row(float(e["t_s"]), error, sd, e["quality"].startswith("good"), load, peak, row["settled"] == "1", hold,

@@ -61,7 +61,7 @@ class Sensor:
         sd = numpy.sqrt(sum(numpy.square(row) for row in rows))
         upper = [self.R[c, d] for c in range(6) for d in range(c + 1, 6)]
         budget = rules.budget_of([*numpy.concatenate(rows), *upper, *self.load, self.alike, self.within, self.model])
-        return types.SimpleNamespace(force_S_N=tuple(self.truth[:3]), sd_force_N=tuple(sd[:3]), sd_torque_Nm=tuple(sd[3:]),
+        return types.SimpleNamespace(quality=1, force_S_N=tuple(self.truth[:3]), sd_force_N=tuple(sd[:3]), sd_torque_Nm=tuple(sd[3:]),
                                      state=0, epoch=1, tare_count=1, budget=budget)
 
     def draw(self, random, name, z=None):
@@ -72,7 +72,7 @@ class Sensor:
 
 def record(sample):
     """The bytes of struct tactiled_placed."""
-    values = {"force_S_N": sample.force_S_N, "sd_force_N": sample.sd_force_N, "sd_torque_Nm": sample.sd_torque_Nm,
+    values = {"quality": sample.quality, "force_S_N": sample.force_S_N, "sd_force_N": sample.sd_force_N, "sd_torque_Nm": sample.sd_torque_Nm,
               "epoch": sample.epoch, "tare_count": sample.tare_count, "state": sample.state}
     flat = []
     for name, code in tactiled._SAMPLE.fields:
@@ -152,37 +152,31 @@ class Rules(unittest.TestCase):
                     stated = rules.sd_of_difference(a, b, c)
                     self.agree(stated, self.c.difference(record(a), record(b), c), error[:, c].std())
 
+    def sum_of_c(self, samples, weights):
+        n = len(samples)
+        pointers = (ctypes.c_char_p * n)(*[record(s) for s in samples])
+        rows = (ctypes.c_double * 6 * n)(*[(ctypes.c_double * 6)(*w) for w in weights])
+        return rules.sd_of_sum(samples, weights), self.c.sum(pointers, rows, n)
+
     def sum_of(self, sensors, weights):
         """Stated sd, that of C, and the scatter of the equations."""
         samples = [s.sample() for s in sensors]
-        n = len(sensors)
-        records = [record(s) for s in samples]
-        pointers = (ctypes.c_char_p * n)(*records)
-        by_c = self.c.sum(pointers, (ctypes.c_double * 6 * n)(*[(ctypes.c_double * 6)(*w) for w in weights]), n)
-        total, reference, motion = numpy.zeros(DRAWS), 0.0, 0.0
-        k = numpy.array([[1 if i == j else a.alike / (1 + numpy.sum((a.load - b.load) ** 2) / a.within ** 2)
-                          for j, b in enumerate(sensors)] for i, a in enumerate(sensors)])
-        shared = numpy.linalg.cholesky(k + 1e-12 * numpy.eye(n))
-        z = numpy.einsum("ij,jdc->idc", shared, self.random.normal(size=(n, DRAWS, 6)))
-        warm = self.random.normal(size=(DRAWS, 6))
-        for i, (s, w) in enumerate(zip(sensors, weights)):
-            error = s.draw(self.random, "noise") + s.draw(self.random, "zero") + s.draw(self.random, "calibration", z[i])
-            error += s.draw(self.random, "temperature", warm)
-            total += error @ w
+        by_c = self.sum_of_c(samples, weights)[1]
+        total, reference = numpy.zeros(DRAWS), 0.0
+        shared = {name: self.random.normal(size=(DRAWS, 6)) for name in ("calibration", "temperature", "motion")}
+        for s, w in zip(sensors, weights):
+            total += sum(s.draw(self.random, name, shared.get(name)) for name in s.part) @ w
             reference += s.gain * s.truth @ w
-            motion += numpy.sqrt(numpy.sum((s.part["motion"] * w) ** 2))
-        variance = total.var() + reference ** 2 + motion ** 2
-        # motion within a sensor follows R: the page adds the sensors' motions linearly
-        return rules.sd_of_sum(samples, weights), by_c, math.sqrt(variance)
+        return rules.sd_of_sum(samples, weights), by_c, math.hypot(total.std(), reference)
 
     def test_sum_over_sensors(self):
         for n in (1, 2, 3, 16):
-            load = self.random.uniform(-0.5, 0.5, 6)
-            sensors = [Sensor(self.random, load + self.random.uniform(-0.2, 0.2, 6)) for _ in range(n)]
-            for s in sensors:
-                s.R = sensors[0].R
-            weights = [(0.0, 0.0, 1.0, 0.0, 0.0, 0.0)] * n
-            self.agree(*self.sum_of(sensors, weights))
+            for weight in ((0.0, 0.0, 1.0, 0.0, 0.0, 0.0), (0.6, 0.0, 0.8, 0.0, 0.0, 0.0), (0.0, 0.05, 0.1, 1.0, 0.0, 0.0)):
+                load = numpy.array([0.3, 0.4, 0.5, 0.2, 0.1, 0.2])
+                sensors = [Sensor(self.random, load + self.random.uniform(-0.2, 0.2, 6)) for _ in range(n)]
+                for s in sensors:
+                    s.R = 0.7 * numpy.eye(6) + 0.3  # positive, so that no shared errors cancel
+                self.agree(*self.sum_of(sensors, [weight] * n))
 
     def test_sensors_of_other_models_share_no_calibration(self):
         sensors = [Sensor(self.random, [0, 0, -0.5, 0, 0, 0], model=m) for m in (1, 2)]
@@ -196,8 +190,8 @@ class Rules(unittest.TestCase):
         both = [s.sample(), s.sample()]
         opposed = rules.sd_of_sum(both, [(0, 0, 1, 0, 0, 0), (0, 0, -1, 0, 0, 0)])
         part = both[0].budget.sd_part
-        least = math.sqrt(2 * sum(part[p][2] ** 2 for p in (rules.NOISE, rules.CALIBRATION, rules.ZERO, rules.TEMPERATURE)))
-        self.assertGreaterEqual(opposed, least * (1 - 1e-9))
+        independent = math.sqrt(2 * sum(row[2] ** 2 for row in part))
+        self.assertAlmostEqual(opposed / independent, 1, delta=1e-9)
 
     def force_errors(self, s):
         error = sum(s.draw(self.random, name) for name in s.part) + s.gain * s.truth * self.random.normal(size=(DRAWS, 1))
@@ -253,6 +247,9 @@ class Rules(unittest.TestCase):
         self.assertEqual(rules.sd_of_mean(s, 2, 100), rules.sd(s, 2))
         self.agree(rules.sd_of_difference(s, s, 2), self.c.difference(record(s), record(s), 2), math.sqrt(2) * rules.sd(s, 2))
         self.assertTrue(math.isnan(rules.sd_of_sum([s], [(0, 0, 1, 0, 0, 0)])))
+        bad = Sensor(self.random, [0.1, 0.2, -0.5, 0, 0.1, 0]).sample()
+        bad.quality = 3
+        self.assertTrue(all(map(math.isnan, self.sum_of_c([bad], [(0, 0, 1, 0, 0, 0)]))))
         self.assertIsNone(rules.largest_part(s))
         s.sd_force_N = (nan,) * 3
         for value in (rules.sd_of_mean(s, 2, 100), self.c.mean(record(s), 2, 100), rules.magnitude(s).sd, self.of_c("magnitude", s)[1],

@@ -180,10 +180,14 @@ public:
             for (std::uint32_t i = 0; i < n_sensors(); ++i) {
                 tactiled_judge(&out.sensor[i], c_->stale_ms[i], out.taken_ns);
                 if (!current) tactiled_invalidate(&out.sensor[i], TACTILED_DAEMON_STOPPED);
+                if (out.sensor[i].quality != TACTILED_BAD) continue;
+                tactiled_placed placed = out.placed(i);
+                tactiled_forget_appended(&placed, 0);
+                out.budget[i] = placed.budget;
             }
             if (!current) tactiled_forget_grasp(&out.node.grasp);
             if (!current) tactiled_forget_tool(&out.node.tool);
-            for (std::uint32_t i = n_sensors(); i < TACTILED_MAX_SENSORS; ++i) out.sensor[i] = tactiled_sample{};
+            for (std::uint32_t i = n_sensors(); i < TACTILED_MAX_SENSORS; ++i) out.sensor[i] = {}, out.budget[i] = {};
             return true;
         }
         return false;

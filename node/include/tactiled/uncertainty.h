@@ -41,16 +41,14 @@ static inline double tactiled_correlation(const struct tactiled_budget* b, unsig
     return r >= -1 && r <= 1 ? r : 0;
 }
 
-/* The correlation of the calibration errors under two loads, of one sensor or of two like ones. `unknown` where the
- * calibration does not state it. Rational quadratic kernel. */
-static inline double tactiled_alike(const struct tactiled_budget* a, const struct tactiled_budget* b, double unknown) {
+/* The correlation of the calibration errors of one sensor under two loads; 0 if it is not known. Rational quadratic kernel.
+ */
+static inline double tactiled_alike(const struct tactiled_budget* a, const struct tactiled_budget* b) {
     double squared = 0;
     unsigned c;
-    if (a->model == 0 || a->model != b->model) return 0;
     for (c = 0; c < 6; ++c) squared += tactiled_square_((double)a->load[c] - (double)b->load[c]);
     squared /= (double)a->alike_within * (double)b->alike_within;
-    return squared >= 0 && a->alike >= 0 && b->alike >= 0 ? sqrt((double)a->alike * (double)b->alike) / (1 + squared)
-                                                          : unknown;
+    return squared >= 0 && a->alike >= 0 && b->alike >= 0 ? sqrt((double)a->alike * (double)b->alike) / (1 + squared) : 0;
 }
 
 /* The covariance of components c and d of one sample, N and Nm: every part but the reference correlates alike. NaN without a
@@ -88,48 +86,54 @@ static inline double tactiled_sd_of_difference(const struct tactiled_placed* now
     double variance = sd_a * sd_a + sd_b * sd_b;
     if (isnan(a[TACTILED_OF_NOISE][c]) || isnan(b[TACTILED_OF_NOISE][c])) return sqrt(variance);
     variance -= 2 * (double)a[TACTILED_OF_REFERENCE][c] * (double)b[TACTILED_OF_REFERENCE][c];
-    variance -= 2 * tactiled_alike(&now->budget, &earlier->budget, 0) * (double)a[TACTILED_OF_CALIBRATION][c] *
-                (double)b[TACTILED_OF_CALIBRATION][c];
+    if (TACTILED_METHOD(now->sample.state) == TACTILED_METHOD(earlier->sample.state))
+        variance -= 2 * tactiled_alike(&now->budget, &earlier->budget) * (double)a[TACTILED_OF_CALIBRATION][c] *
+                    (double)b[TACTILED_OF_CALIBRATION][c];
     if (is_one_zero) variance -= 2 * tactiled_square_(fmin((double)a[TACTILED_OF_ZERO][c], (double)b[TACTILED_OF_ZERO][c]));
     return tactiled_root_(variance);
 }
 
+/* Adds up weight_a[c] weight_b[d] R_cd sd_a[c] sd_b[d], with the correlations R of `budget`. */
+static inline double tactiled_product_(const struct tactiled_budget* budget, const double weight_a[6], const float sd_a[6],
+                                       const double weight_b[6], const float sd_b[6]) {
+    double sum = 0;
+    unsigned c, d;
+    for (c = 0; c < 6; ++c)
+        for (d = 0; weight_a[c] != 0 && d < 6; ++d)
+            if (weight_b[d] != 0)
+                sum += weight_a[c] * weight_b[d] * (double)sd_a[c] * (double)sd_b[d] * tactiled_correlation(budget, c, d);
+    return sum;
+}
+
 /* The variance of the sum over n sensors of weight[i][c] times component c of budget[i]. Components with the weight 0 may be
- * unknown. Errors that two sensors have in common add up; where they would cancel, they are taken as independent, because
- * nothing shows that two sensors err alike. */
+ * unknown. Errors of calibration, temperature and motion are fully alike in sensors of one model, and those of the reference
+ * in all: they add up. They count as independent where they would cancel, because nothing shows that two sensors err
+ * exactly alike. */
 static inline double tactiled_variance_of_sum(const struct tactiled_budget* const* budget, const double (*weight)[6],
                                               unsigned n) {
-    double variance = 0, reference = 0, motion = 0;
-    unsigned i, j, c, d;
+    static const enum tactiled_part kShared[] = {TACTILED_OF_CALIBRATION, TACTILED_OF_TEMPERATURE, TACTILED_OF_MOTION};
+    double variance = 0, reference = 0, references = 0;
+    unsigned i, j, c, part;
     for (i = 0; i < n; ++i) {
-        double of_motion = 0, of_reference = 0;
-        for (c = 0; c < 6; ++c) {
-            if (weight[i][c] == 0) continue;
-            for (d = 0; d < 6; ++d)
-                if (weight[i][d] != 0) variance += weight[i][c] * weight[i][d] * tactiled_covariance_(budget[i], c, d);
-            of_reference += weight[i][c] * (double)budget[i]->sd_part[TACTILED_OF_REFERENCE][c];
-            of_motion += tactiled_square_(weight[i][c] * (double)budget[i]->sd_part[TACTILED_OF_MOTION][c]);
-        }
+        double of_reference = 0;
+        for (part = 0; part < TACTILED_PARTS; ++part)
+            if (part != TACTILED_OF_REFERENCE)
+                variance +=
+                    tactiled_product_(budget[i], weight[i], budget[i]->sd_part[part], weight[i], budget[i]->sd_part[part]);
+        for (c = 0; c < 6; ++c)
+            if (weight[i][c] != 0) of_reference += weight[i][c] * (double)budget[i]->sd_part[TACTILED_OF_REFERENCE][c];
         reference += of_reference;
-        motion += sqrt(of_motion);
-        variance -= of_motion + of_reference * of_reference; /* these add up linearly, below */
+        references += of_reference * of_reference;
         for (j = 0; j < i; ++j) {
-            double curve = 0, warm = 0;
             if (budget[i]->model == 0 || budget[i]->model != budget[j]->model) continue;
-            for (c = 0; c < 6; ++c)
-                for (d = 0; d < 6; ++d) {
-                    const double both = weight[i][c] * weight[j][d] * tactiled_correlation(budget[i], c, d);
-                    if (both == 0) continue;
-                    curve += both * (double)budget[i]->sd_part[TACTILED_OF_CALIBRATION][c] *
-                             (double)budget[j]->sd_part[TACTILED_OF_CALIBRATION][d];
-                    warm += both * (double)budget[i]->sd_part[TACTILED_OF_TEMPERATURE][c] *
-                            (double)budget[j]->sd_part[TACTILED_OF_TEMPERATURE][d];
-                }
-            if (curve > 0) variance += 2 * tactiled_alike(budget[i], budget[j], 1) * curve;
-            if (warm > 0) variance += 2 * warm;
+            for (part = 0; part < sizeof kShared / sizeof kShared[0]; ++part) {
+                const double shared = tactiled_product_(budget[i], weight[i], budget[i]->sd_part[kShared[part]], weight[j],
+                                                        budget[j]->sd_part[kShared[part]]);
+                if (shared > 0) variance += 2 * shared;
+            }
         }
     }
-    return (variance < 0 ? 0 : variance) + reference * reference + motion * motion;
+    return (variance < 0 ? 0 : variance) + fmax(reference * reference, references);
 }
 
 /* The sd of the sum over n sensors of weight[i][c] times component c of sample[i]: {0, 0, 1} for the sum of fz. */
@@ -137,7 +141,11 @@ static inline double tactiled_sd_of_sum(const struct tactiled_placed* const* sam
     const struct tactiled_budget* budget[TACTILED_MAX_SENSORS];
     unsigned i;
     if (n > TACTILED_MAX_SENSORS) return (double)NAN;
-    for (i = 0; i < n; ++i) budget[i] = &sample[i]->budget;
+    for (i = 0; i < n; ++i) {
+        if (sample[i]->sample.quality != TACTILED_GOOD && sample[i]->sample.quality != TACTILED_UNCERTAIN)
+            return (double)NAN;
+        budget[i] = &sample[i]->budget;
+    }
     return sqrt(tactiled_variance_of_sum(budget, weight, n));
 }
 
