@@ -71,7 +71,8 @@ constexpr const char* kRules[] = {
     "head of an array together with anything else; FC 4 that touches 5000 .. 5314.",
     "i16 is two's complement. Not available: i16 0x8000, u16 and enum 0xFFFF, i32 0x80000000, f32 a quiet NaN. Values "
     "outside the range saturate at +-32767 or 65534 and set a status bit.",
-    "i32 and f32 have the high word first; the copies of the floats from 3000 and 7000 on have the low word first. No setting "
+    "i32 and f32 have the high word first; the copies of the floats from 3000 and 7000 on have the low word first. No "
+    "setting "
     "changes that.",
     "A request is answered from one frame: SEQ = SEQ_END. A client that needs two requests compares the SEQ of the first "
     "with that of the second.",
