@@ -108,7 +108,7 @@ def witness(port, stop, report):
             continue
         head = struct.pack(">HHHBBB", transaction, 0, 67, 255, 4 if transaction % 2 else 3, 64)
         value = struct.unpack(">32H", frame[9:])
-        bad["wrong"] += frame[:9] != head or value[:4] != (0x5441, 0x4354, 0x0109, 1)
+        bad["wrong"] += frame[:9] != head or value[:4] != (0x5441, 0x4354, 0x010A, 1)
         bad["torn"] += value[4] != value[31]
         if value[5] != beat:
             beat, beat_at = value[5], now

@@ -36,7 +36,7 @@ class View:
     def __init__(self, sensors=2):
         self.cells = [0] * SIZE
         self.seq = 7
-        self.cells[NODE:NODE + 4] = [0x5441, 0x4354, 0x0109, sensors]
+        self.cells[NODE:NODE + 4] = [0x5441, 0x4354, 0x010A, sensors]
         self.cells[NODE + 17] = self.cells[NODE + 19] = 0  # open, no weight
         for at in SENSOR:
             self.cells[at + 4:at + 14] = [0, 0, -1234 & 0xFFFF, 0x8000, 0x8000, 0x8000, 0, 1234, 0x8000, 0x8000]

@@ -59,7 +59,7 @@ CONSTANTS = [0x1234, 0x10000 - 1234, *struct.unpack(">10H", struct.pack(">if", 0
 # Every client fills such a table; a client that lacks a function omits its lines.
 EXPECTED = {
     "magic": [0x5441, 0x4354],
-    "map_version": 0x0109,
+    "map_version": 0x010A,
     "constants": CONSTANTS,
     "constants_fc4": CONSTANTS,
     "int16": -1234,
