@@ -59,7 +59,7 @@ class AFile(unittest.TestCase):
                 for member, *values in patches:
                     copy.put("header", member, *values)
                 self.refused(text, copy)
-        for member, value in (("offset", 2**31), ("slot_size", 100), ("slots", 0), ("record_size", 252),
+        for member, value in (("offset", 2**31), ("slot_size", 100), ("slots", 0), ("record_size", 508),
                               ("head_offset", len(self.data))):
             with self.subTest(member), a_copy(self.data) as copy:
                 ring, _ = sensor_ring(copy.data, 0)
