@@ -146,7 +146,7 @@ const Fields<ShmSettings>& shm_fields() {
     using S = ShmSettings;
     static const Fields<S> fields = {
         {TACTILED_KEY(S, group), "", Text::name, "Unix group that may read and command; \"\" = the group of the daemon."},
-        {TACTILED_KEY(S, history), Default(0, "the largest up to 1024 that fits into 1 MB"), range(64, 65'536), "",
+        {TACTILED_KEY(S, history), Default(0, "the largest up to 1024 that fits into 2 MB"), range(64, 65'536), "",
          "Samples kept for each sensor, a power of two."},
         {TACTILED_KEY(S, array_history), 128, range(8, 1024), "",
          "Arrays kept for each sensor with taxels, with their raw numbers; a power of two. 1,024 taxels of three need 27 kB "

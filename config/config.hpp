@@ -161,7 +161,7 @@ struct ModbusSettings {
 struct ShmSettings {
     static constexpr Reload kReload = Reload::restart;
     std::string group;  // "" = the daemon's own
-    int history;        // samples kept per sensor, a power of two; 0 = as many as keep the segment within 1 MB
+    int history;        // samples kept per sensor, a power of two; 0 = as many as keep the segment within 2 MB
     int array_history;  // arrays kept per sensor with taxels, a power of two
 };
 

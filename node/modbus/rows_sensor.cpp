@@ -122,11 +122,11 @@ double magnitude_bound(S s) noexcept {
     const tactiled_value magnitude = magnitude_with_sd(s);
     return magnitude.value + (magnitude.is_bound != 0 ? 0 : TACTILED_WITHIN * magnitude.sd);
 }
-double largest_part(S s) noexcept {
-    if (!s.exists() || !has_value(s.sample.quality)) return kNaN;
+std::uint16_t largest_part(S s) noexcept {
+    if (!s.exists() || !has_value(s.sample.quality)) return kNoU16;
     const tactiled_placed placed = s.view.snapshot.placed(s.sensor);
     const unsigned part = tactiled_largest_part(&placed);
-    return part < TACTILED_PARTS ? part : kNaN;
+    return part < TACTILED_PARTS ? std::uint16_t(part) : kNoU16;
 }
 
 constexpr Register kSensorSds[] = {
@@ -142,7 +142,7 @@ constexpr Register kSensorSds[] = {
      "one standard deviation of F_MAG; NaN below three of them, where noise alone has a length", magnitude_sd},
     {16, "F_MAX", f32, kFloatN, "at least 95 % of the true magnitudes are below it, with and without SD_F_MAG",
      magnitude_bound},
-    {18, "PART", enumeration, kNoUnit, "the largest part of the variance of the force", largest_part},
+    {18, "PART", enumeration, kNoUnit, "the largest part of the variance of the force", [](S s) { return largest_part(s); }},
     {19, "SEQ_END", count, kNoUnit, "= SEQ", sequence},
 };
 

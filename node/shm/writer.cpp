@@ -46,7 +46,7 @@ std::string boot_id() {
 }
 
 constexpr std::uint32_t kNodeRecords = 64;  // 16 ms of a 4 kHz loop; readers use only the newest records
-constexpr std::size_t kPreferredSize = 1'000'000;
+constexpr std::size_t kPreferredSize = 2'000'000, kFramesSize = 1'000'000;
 constexpr std::uint32_t kMaxHistory = 1024, kMinHistory = 64;
 
 // Returns the number of frames per link, so that the frames of all links need at most 1 MB. At 1 kHz a recorder may pause
@@ -54,7 +54,7 @@ constexpr std::uint32_t kMaxHistory = 1024, kMinHistory = 64;
 std::uint32_t frames_of(const SegmentPlan& plan) {
     std::uint32_t frames = kMaxHistory;
     while (frames > kMinHistory &&
-           frames * aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_frame)) * plan.links.size() > kPreferredSize)
+           frames * aligned(TACTILED_RECORD_OFFSET + sizeof(tactiled_frame)) * plan.links.size() > kFramesSize)
         frames /= 2;
     return frames;
 }

@@ -22,7 +22,7 @@ struct SegmentPlan {
     std::string control;  // path of the control socket, "" = none
     std::string group;    // "" = the group of the daemon
     std::uint32_t watchdog_ms = 250;
-    // slots per sensor, a power of two; 0: the maximum up to 1024 with which the segment has at most 1 MB
+    // slots per sensor, a power of two; 0: the maximum up to 1024 with which the segment has at most 2 MB
     std::uint32_t history = 0;
     // slots of the arrays of a sensor, and of the raw taxels of a link for each of its sensors; a power of two
     std::uint32_t array_history = 128;

@@ -35,7 +35,7 @@ TEST(Config, HasDefaults) {
     EXPECT_EQ(c.modbus.max_clients, 8);
     EXPECT_EQ(c.modbus.hints_expire_ms, 2000);
     EXPECT_EQ(c.shm.group, "");
-    EXPECT_EQ(c.shm.history, 0);  // automatic: within 1 MB
+    EXPECT_EQ(c.shm.history, 0);  // automatic: within 2 MB
     ASSERT_EQ(c.links.size(), 1u);
     EXPECT_EQ(c.links[0].simulated, std::nullopt);
     EXPECT_EQ(c.links[0].sensors, 1);

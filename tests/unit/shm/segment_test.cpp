@@ -150,7 +150,7 @@ TEST_F(SegmentTest, AReaderRefusesWhatItCannotRead) {
             file.seekp(long(offset)).write(reinterpret_cast<const char*>(&before), long(size)).flush();
             return text;
         };
-        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.9, this reader knows 1.10"),
+        EXPECT_NE(patched(offsetof(tactiled_header, major), 2, 2).find("version 2.10, this reader knows 1.10"),
                   std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, byte_order), 0x04030201, 4).find("byte order"), std::string::npos);
         EXPECT_NE(patched(offsetof(tactiled_header, total_size), 1u << 30, 4).find("truncated"), std::string::npos);
@@ -318,12 +318,12 @@ TEST_F(SegmentTest, CountsHowLateTheLoopWoke) {
     EXPECT_NEAR(lateness_quantile_ns(segment.lateness(), 1), 5'000'000, 5'000'000 / 8);
 }
 
-TEST_F(SegmentTest, SixteenSensorsFitOneMegabyte) {
+TEST_F(SegmentTest, SixteenSensorsFitTwoMegabytes) {
     SegmentPlan p = plan(16);
     p.history = 0;
     const SegmentWriter writer(p);
     const Segment segment = Segment::open(name_);
-    EXPECT_LE(segment.header().total_size, 1'000'000u);
+    EXPECT_LE(segment.header().total_size, 2'000'000u);
     EXPECT_GE(segment.sensor(15).ring.slots, 128u);
 }
 
