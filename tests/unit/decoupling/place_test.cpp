@@ -52,6 +52,8 @@ TEST(Place, StatesTheSdOfItsErrors) {
     std::normal_distribution<double> one(0, 1);
     const double sd_N = 0.1, sd_Nm = 4e-4;
     const std::array<double, 2> correlation{0.6, -0.8};
+    Correlations correlations;
+    for (std::size_t i = 0; i < 2; ++i) correlations.between[Correlations::index(2, 3 + i)] = float(correlation[i]);
     for (const double press_N : {0.7, 1., 5.})
         for (const double at_m : {-9e-3, 0., 4e-3}) {
             std::array<int, 2> within{}, beyond{};
@@ -62,7 +64,7 @@ TEST(Place, StatesTheSdOfItsErrors) {
                 for (std::size_t i = 0; i < 2; ++i)
                     wrench[3 + i] +=
                         sd_Nm * (correlation[i] * of_force + std::sqrt(1 - correlation[i] * correlation[i]) * one(random));
-                const PressPlace place = place_of(wrench, sds(sd_N, sd_Nm), covariance_of(correlation, sds(sd_N, sd_Nm)));
+                const PressPlace place = place_of(wrench, sds(sd_N, sd_Nm), covariance_of(correlations, sds(sd_N, sd_Nm)));
                 if (std::isnan(place.cop_S_m[0])) continue;
                 ++n;
                 for (std::size_t i = 0; i < 2; ++i) {
