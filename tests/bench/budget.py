@@ -411,7 +411,7 @@ def report(program, name, found):
         known = [each[of_oracle, component] for each in found if each.get((of_oracle, component))] or own
         mean, low, high = interval([f.within for f in own])
         beyond = statistics.fmean(f.beyond for f in own)
-        rms = math.sqrt(statistics.fmean(f.square for f in own))
+        rms = math.sqrt(statistics.fmean(f.square for f in own)) or math.nan  # of a bound: none
         verdict = ("" if low <= 76 and high >= 60 else " COVERAGE") + ("" if beyond <= 0.5 else " BEYOND")
         print(f"{program} {name} {component} {cell:24} {len(own):4} sensors: "
               f"within {mean:5.1f} ({low:5.1f} .. {high:5.1f}), beyond {beyond:5.2f}, "
