@@ -71,11 +71,16 @@ class Sessions(Fresh):
         elif os.geteuid() == 0:
             print(f"as root alone: no other user can reach {BIN}", flush=True)
         sessions = [(page, uid, self.fresh(uid)) for uid in users for page in chosen]
+        def judge(session):
+            return faults(session[0], (ROOT / session[0]).read_text(), *session[2])
+        # The demo weighs in real time: a processor that other pages load makes its sensors stale. Its pages run alone.
+        alone = [each for each in sessions if "run.sh" in (ROOT / each[0]).read_text()]
+        together = [each for each in sessions if each not in alone]
         with concurrent.futures.ThreadPoolExecutor(3 if OWN_NETWORK else 1) as pool:
-            found = pool.map(lambda each: faults(each[0], (ROOT / each[0]).read_text(), *each[2]), sessions)
-            for (page, uid, _), errors in zip(sessions, found):
-                with self.subTest(page=page, uid=uid):
-                    self.assertEqual(errors, [])
+            found = [*pool.map(judge, together), *map(judge, alone)]
+        for (page, uid, _), errors in zip(together + alone, found, strict=True):
+            with self.subTest(page=page, uid=uid):
+                self.assertEqual(errors, [])
 
 
 class Planted(Fresh):
