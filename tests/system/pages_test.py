@@ -71,8 +71,10 @@ class Sessions(Fresh):
         elif os.geteuid() == 0:
             print(f"as root alone: no other user can reach {BIN}", flush=True)
         sessions = [(page, uid, self.fresh(uid)) for uid in users for page in chosen]
+
         def judge(session):
             return faults(session[0], (ROOT / session[0]).read_text(), *session[2])
+
         # The demo weighs in real time: a processor that other pages load makes its sensors stale. Its pages run alone.
         alone = [each for each in sessions if "run.sh" in (ROOT / each[0]).read_text()]
         together = [each for each in sessions if each not in alone]
