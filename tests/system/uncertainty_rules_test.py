@@ -187,11 +187,22 @@ class Rules(unittest.TestCase):
 
     def test_errors_that_would_cancel_are_no_gain(self):
         s = Sensor(self.random, [0, 0, -0.5, 0, 0, 0])
-        both = [s.sample(), s.sample()]
-        opposed = rules.sd_of_sum(both, [(0, 0, 1, 0, 0, 0), (0, 0, -1, 0, 0, 0)])
-        part = both[0].budget.sd_part
-        independent = math.sqrt(2 * sum(row[2] ** 2 for row in part))
-        self.assertAlmostEqual(opposed / independent, 1, delta=1e-9)
+        for others in (5, 6):  # its model, and another one with another reference
+            both = [s.sample(), s.sample()]
+            both[1].budget = both[1].budget._replace(model=others)
+            opposed, by_c = self.sum_of_c(both, [(0, 0, 1, 0, 0, 0), (0, 0, -1, 0, 0, 0)])
+            self.agree(opposed, by_c)
+            independent = math.sqrt(2 * sum(row[2] ** 2 for row in both[0].budget.sd_part))
+            self.assertAlmostEqual(opposed / independent, 1, delta=1e-6)
+
+    def test_of_another_method_no_calibration_cancels(self):
+        s = Sensor(self.random, [0, 0, -0.5, 0, 0, 0])
+        now, then = s.sample(), s.sample()
+        same = rules.sd_of_difference(now, then, 2)
+        then.state = 2 << 16
+        other = rules.sd_of_difference(now, then, 2)
+        self.agree(other, self.c.difference(record(now), record(then), 2))
+        self.assertAlmostEqual(other ** 2 - same ** 2, 2 * s.alike * now.budget.sd_part[rules.CALIBRATION][2] ** 2, delta=1e-9)
 
     def force_errors(self, s):
         error = sum(s.draw(self.random, name) for name in s.part) + s.gain * s.truth * self.random.normal(size=(DRAWS, 1))
