@@ -18,6 +18,7 @@
 #include "decoupling/patch/patch.hpp"
 #include "decoupling/place.hpp"
 #include "node/ctl/command_line.hpp"
+#include "node/lab/row_sensor.hpp"
 
 namespace tactiled::ctl {
 namespace {
@@ -32,6 +33,7 @@ struct Settings {
     double tare_s = 0;
     double saturates_below = -std::numeric_limits<double>::infinity();
     double saturates_above = std::numeric_limits<double>::infinity();
+    TemperatureInUse temperature;
 };
 
 // Returns the column of each channel, by name.
@@ -142,17 +144,25 @@ int decouple(const Settings& settings) {
     Problems problems;
     const Calibration calibration = load_calibration(settings.calibration, problems);
     problems.throw_if_any();
-    const auto decoupler = make_decoupler(calibration, settings.method, settings.budget_us);
-    decoupler->set_delay(std::vector<double>(calibration.channels.size(), settings.delay_ms * 1e-3));
+    const auto& [lowest_C, highest_C, difference_K, sd_K] = settings.temperature;
+    if (std::isnan(lowest_C) != std::isnan(highest_C) || lowest_C > highest_C)
+        throw SetupError(
+            "--temperature-from-C and --temperature-to-C: the lowest and the highest temperature, both or none");
+    RowSensor sensor(calibration, {.method = settings.method,
+                                   .budget_us = settings.budget_us,
+                                   .delay_ms = settings.delay_ms,
+                                   .saturates_at = {settings.saturates_below, settings.saturates_above},
+                                   .temperature = settings.temperature,
+                                   .has_tare = settings.tare_s > 0});
     CsvReader csv(settings.in);
     RowTime time(csv);
     std::optional<ArrayColumns> array;
-    if (Patch* const patch = decoupler->patch(); patch != nullptr) {
-        array.emplace(csv, *patch, calibration.channels);
-        patch->set_saturates_at({settings.saturates_below, settings.saturates_above});
-    }
+    if (Patch* const patch = sensor.patch(); patch != nullptr) array.emplace(csv, *patch, calibration.channels);
     const auto columns = array ? std::vector<std::size_t>{} : channel_columns(csv, calibration);
-    const auto temperature = csv.find("temperature_C");
+    const std::string& dummy = calibration.temperature.dummy;
+    const auto thermometer = csv.find(dummy.empty() ? "temperature_C" : dummy);
+    if (!dummy.empty() && !thermometer)
+        csv.refuse(fmt::format("lacks the dummy {}, which shows {} the temperature", dummy, calibration.path));
     std::error_code none;
     if (settings.in != "-" && settings.out != "-" && std::filesystem::equivalent(settings.in, settings.out, none))
         throw SetupError(settings.out + ": is the input too; it would be overwritten before it is read");
@@ -162,7 +172,7 @@ int decouple(const Settings& settings) {
                    "a load, and use --tare-s\n",
                    settings.calibration);
     ForcesWriter forces(settings.out);
-    Tare tare(settings.tare_s, decoupler->patch() != nullptr, forces);
+    Tare tare(settings.tare_s, sensor.patch() != nullptr, forces);
     std::vector<double> channel(columns.size());
     std::optional<double> origin_s;  // subtracted from the times for the models, which must not be negative
     while (csv.next()) {
@@ -173,7 +183,6 @@ int decouple(const Settings& settings) {
             csv.refuse(fmt::format("column t_s: {} s lies before the rows above it; sort the rows by time", t_s));
         const auto t_ns = std::uint64_t(std::round((t_s - *origin_s) * 1e9));
         Reading reading{.channel = channel, .missing = 0, .saturated = 0, .t_ns = t_ns};
-        if (temperature) reading.temperature_C = csv.number(*temperature);
         for (std::size_t k = 0; k < columns.size(); ++k) {
             channel[k] = csv.number(columns[k]);
             if (std::isnan(channel[k])) reading.missing |= 1u << k;
@@ -181,8 +190,7 @@ int decouple(const Settings& settings) {
                 reading.saturated |= 1u << k;
         }
         if (array) reading.taxels = array->read(csv);
-        const Estimate estimate = decoupler->decouple(reading);
-        tare.write(t_s, estimate);
+        tare.write(t_s, sensor.judge(reading, thermometer ? csv.number(*thermometer) : kNaN));
     }
     tare.end();
     forces.close();
@@ -207,6 +215,14 @@ Run add_decouple(Command verb) {
         .show_default();
     verb.add_option("--tare-s", settings->tare_s,
                     "the mean force of so many seconds at the beginning, without a load, is subtracted")
+        .not_negative();
+    verb.add_option("--temperature-from-C", settings->temperature.lowest_C,
+                    "with --temperature-to-C: temperature_range_C of the configuration");
+    verb.add_option("--temperature-to-C", settings->temperature.highest_C, "highest temperature of the rows");
+    verb.add_option("--temperature-sd-K", settings->temperature.sd_K, "temperature_sd_K of the configuration")
+        .not_negative();
+    verb.add_option("--temperature-difference-K", settings->temperature.difference_K,
+                    "temperature_difference_K of the configuration")
         .not_negative();
     verb.add_option("--saturates-below", settings->saturates_below,
                     "a channel at or below is saturated (unit of the calibration)");
