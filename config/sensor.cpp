@@ -55,15 +55,14 @@ const Fields<SensorSettings>& sensor_fields() {
          "[lowest, highest] in use. The standard deviation contains what the range can change where the coefficient is "
          "known, by the calibration or by the model, and the calibration cannot take the temperature off. Equal numbers = "
          "constant within temperature_sd_K. A measured temperature outside of the range is UNCERTAIN."},
-        {TACTILED_KEY(S, temperature_sd_K), Default(kUnset, "0.5; 0 where a thermometer or a dummy measures"),
+        {TACTILED_KEY(S, temperature_sd_K), Default(kUnset, "0.5, but 0 where a thermometer or a dummy measures"),
          range(1e-6, 100), "K",
-         "How well the temperature is known: one standard deviation of the ends of temperature_range_C, of what electronics "
-         "leave that compensate it, or of the thermometer. The standard deviation contains what it can change; the "
-         "calibration or the model must know the coefficient."},
+         "Standard deviation with which the temperature is known: of the ends of temperature_range_C, of the remainder that "
+         "compensating electronics leave, or of the thermometer. The standard deviation of the force contains its change; "
+         "the calibration or the model must know the coefficient."},
         {TACTILED_KEY(S, temperature_difference_K),
          Default(kUnset,
-                 "that of the calibration with a dummy, else 0.5, at most the width of temperature_range_C and "
-                 "temperature_sd_K together"),
+                 "0.5, at most the width of temperature_range_C and temperature_sd_K together; with a dummy as calibrated"),
          range(0, 100), "K",
          "Largest difference of temperature between two channels, or between a channel and the thermometer or dummy. The "
          "standard deviation contains what it can change."},
