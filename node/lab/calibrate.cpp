@@ -383,10 +383,10 @@ Run add_calibrate(Command verb) {
     const Option own = verb.add_flag("--zero-per-session", settings->own_zeros,
                                      "each session has its own zero, as after mounting; else found from the recording");
     verb.add_flag("--one-zero", settings->one_zero, "all sessions have the same zero").excludes(own);
-    verb.add_option("--dummy-difference-K", settings.dummy.difference_K,
+    verb.add_option("--dummy-difference-K", settings->dummy.difference_K,
                     "hair with a dummy H0: largest difference of temperature between it and another hair, e.g. 0.01")
         .number_in(0.0, 100.0);
-    verb.add_option("--dummy-at-C", settings.dummy.at_C,
+    verb.add_option("--dummy-at-C", settings->dummy.at_C,
                     "temperature at which the dummy was recorded, if there is no column temperature_C")
         .number_in(-50.0, 150.0);
     verb.add_flag("--keep-outliers", settings->request.keep_outliers, "labels that look wrong are reported and used");

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Hairs in a room that steps by 2 K, with and without a dummy: the share of GOOD rows, and of GOOD rows beyond 5 sd, for
-several differences of temperature between the dummy and the hairs. Simulated with all effects; the simulator shares no code
+several differences of temperature between the dummy and the hairs. Rows whose load moves are not judged. Simulated with all effects; the simulator shares no code
 with the correction. The seeds and the serials are those of this file alone.
 
     hair_temperature.py [--seeds 5] [BIN]
@@ -23,6 +23,7 @@ from run import read_truth, run_ctl, WORLD  # noqa: E402
 
 FULL_N = {"2 kPa": 0.0565, "12 kPa": 0.34}
 COMPONENTS = ("fx", "fy", "fz")
+SETTLES = 10  # rows after a change of the load: 50 ms, in which the filters of the converter lag behind
 SENSOR = """
 [body]
 friction = 10
@@ -93,7 +94,7 @@ def calibrate(folder, full_N, serial, by_K, has_dummy=True):
         for row in readings:
             label = truth[round(float(row["t_s"]) * 1e6)]
             still, count = label, count + 1 if label == still else 0
-            if count >= 10:
+            if count >= SETTLES:
                 writer.writerow([row["t_s"], *(row[c] for c in channels), *label])
     words = ["--dummy-difference-K", 0.01, "--dummy-at-C", 23] if has_dummy else []
     run_ctl("calibrate", "--model", "hair", "--method", "matrix", "--set", "area_m2=2.827e-5", "--channel-unit", "dR/R0",
@@ -105,14 +106,16 @@ def judge(calibration, signals, truth, folder, *words):
     """(rows, GOOD rows, GOOD rows beyond 5 sd in a component)"""
     forces = folder / "forces.csv"
     run_ctl("decouple", "--calibration", calibration, "--in", signals, "--out", forces, *words)
-    total = good = beyond = 0
+    total = good = beyond = count = 0
+    still = None
     with open(forces) as file:
         for row in csv.DictReader(file):
             load = truth.get(round(float(row["t_s"]) * 1e6))
-            if load is None:
+            still, count = load, count + 1 if load == still else 0
+            if load is None or count < SETTLES:
                 continue
             total += 1
-            if row["quality"] != "GOOD":
+            if row["quality"] != "good":
                 continue
             good += 1
             beyond += any(abs(float(row[f"{c}_N"]) - load[i]) > 5 * float(row[f"sd_{c}_N"]) for i, c in enumerate(COMPONENTS))
