@@ -272,15 +272,15 @@ protected:
     Labelled recording(double width_K) {
         Labelled labelled{.name = "made", .channels = {"H1", "H2", "H3", "H4", "H0"}, .sessions = {}, .rows = {}};
         std::uniform_real_distribution<double> uniform(-1, 1);
-        constexpr int kLoads = 120, kRows = 10;
-        for (int load = 0; load < kLoads; ++load) {
+        constexpr int kTimes = 120, kHeld = 10;
+        for (int load = 0; load < kTimes; ++load) {
             const double tau_x_Pa = 2000 * uniform(random_), sigma_Pa = load % 6 == 0 ? 0 : 1000 + 1000 * uniform(random_);
-            for (int i = 0; i < kRows; ++i) {
-                const double from_K = width_K / 2 * std::sin(0.7 * (load + double(i) / kRows));
-                LabelledRow row{.line = load * kRows + i + 2, .channel = reading(tau_x_Pa, sigma_Pa, from_K)};
+            for (int i = 0; i < kHeld; ++i) {
+                const double from_K = width_K / 2 * std::sin(0.7 * (load + double(i) / kHeld));
+                LabelledRow row{.line = load * kHeld + i + 2, .channel = reading(tau_x_Pa, sigma_Pa, from_K)};
                 row.wrench_S = {tau_x_Pa * kArea_m2, 0, -sigma_Pa * kArea_m2, kNaN, kNaN, kNaN};
                 row.wrench_S[1] = kNaN;
-                row.t_ns = std::uint64_t(load * kRows + i + 1) * 10'000'000;
+                row.t_ns = std::uint64_t(load * kHeld + i + 1) * 10'000'000;
                 labelled.rows.push_back(row);
             }
         }
