@@ -152,6 +152,24 @@ void read_older_checks(Options& file, Calibration& calibration) {
     for (auto& row : monitor.scores) row.resize(n);
 }
 
+void read_dummy(Options& table, Calibration& calibration) {
+    Temperature& temperature = calibration.temperature;
+    temperature.dummy = table.text("dummy", "");
+    if (temperature.dummy.empty()) return;
+    const auto& channels = calibration.channels;
+    if (!valid_channel(temperature.dummy) || temperature.dummy == "-")
+        table.problem("dummy", fmt::format("dummy = {}; {}", in_quotes(temperature.dummy), kValidChannel));
+    if (std::find(channels.begin(), channels.end(), temperature.dummy) != channels.end())
+        table.problem("dummy", fmt::format("dummy = {} is one of channels; a dummy carries no load, so it is none of them",
+                                           in_quotes(temperature.dummy)));
+    temperature.dummy_zero = table.number("dummy_zero", kFinite);
+    temperature.dummy_per_K = table.number("dummy_per_K", kFinite);
+    if (temperature.dummy_per_K == 0)
+        table.problem("dummy_per_K", "dummy_per_K = 0: a dummy that does not follow temperature shows none");
+    temperature.dummy_per_K_sd = table.number("dummy_per_K_sd", kNotNegative, 0);
+    temperature.dummy_difference_K = table.number("dummy_difference_K", {0, 100});
+}
+
 void read_temperature(Options& file, Calibration& calibration) {
     if (!file.has("temperature")) return;
     Options table = file.table("temperature");
@@ -163,6 +181,9 @@ void read_temperature(Options& file, Calibration& calibration) {
     temperature.zero = table.numbers("zero", kFinite, each);
     temperature.zero_per_K = table.numbers("zero_per_K", kFinite, each);
     temperature.gain_per_K = table.numbers("gain_per_K", {-0.1, 0.1}, each);
+    temperature.zero_per_K_sd = table.numbers("zero_per_K_sd", kNotNegative, each);
+    temperature.gain_per_K_sd = table.numbers("gain_per_K_sd", {0, 0.1}, each);
+    read_dummy(table, calibration);
     if (const auto& range = temperature.range_C; range.size() == 2 && range[0] > range[1])
         table.problem("range_C", "range_C should be [least, greatest]");
 }
@@ -219,6 +240,12 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
     fit.zero = file.numbers("zero", kFinite, as_many_as(calibration.channels));
     const Count each = as_many_as(calibration.components);
     fit.sd = file.numbers("sd", kNotNegative, each);
+    for (std::size_t i = 0; i < fit.sd.size(); ++i)
+        if (fit.sd[i] == 0)
+            file.problem("sd",
+                         fmt::format("sd[{}] = 0: no sensor is without an error; give one standard deviation in N or Nm "
+                                     "above 0, or delete sd if it is not known (then UNCERTAIN)",
+                                     i));
     fit.sd_slope = file.numbers("sd_slope", kNotNegative, each);
     fit.sd_load = file.numbers("sd_load", kNotNegative, each);
     fit.sd_unloading = file.numbers("sd_unloading", kNotNegative, each);

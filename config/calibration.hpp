@@ -106,8 +106,20 @@ struct Repeats {
 // + gain_per_K dT) (reading at reference_C - zero) for each channel. See decoupling/temperature.hpp.
 struct Temperature {
     double reference_C = 0;
-    std::vector<double> range_C;                       // lowest and highest temperature of the rows
+    std::vector<double> range_C;                       // lowest and highest temperature for which the coefficients hold
     std::vector<double> zero, zero_per_K, gain_per_K;  // per channel: channel_unit, channel_unit / K, 1 / K; empty = unknown
+    std::vector<double> zero_per_K_sd, gain_per_K_sd;  // one standard deviation of these; empty = 0
+    // The thermometer, if it is a dummy: an unloaded gauge in a channel of its own. temperature = reference_C + (reading -
+    // dummy_zero) / dummy_per_K.
+    std::string dummy;          // name of its channel, which is none of `channels`; "" = a thermometer in degC
+    double dummy_zero = 0;      // channel_unit
+    double dummy_per_K = 1;     // channel_unit / K
+    double dummy_per_K_sd = 0;  // one standard deviation; 0 if the coefficients of the channels are relative to the dummy
+    double dummy_difference_K = 0.5;  // largest difference of temperature between the dummy and a channel, as stated
+
+    [[nodiscard]] double of_dummy_C(double reading) const noexcept {
+        return reference_C + (reading - dummy_zero) / dummy_per_K;
+    }
 };
 
 // The fit of the preferred method, and the fits of other methods of the same model for the same channels and components.

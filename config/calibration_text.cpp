@@ -114,6 +114,15 @@ std::string calibration_text(const Calibration& calibration) {
         out.numbers("temperature.zero", temperature.zero);
         out.numbers("temperature.zero_per_K", temperature.zero_per_K);
         out.numbers("temperature.gain_per_K", temperature.gain_per_K);
+        out.numbers("temperature.zero_per_K_sd", temperature.zero_per_K_sd);
+        out.numbers("temperature.gain_per_K_sd", temperature.gain_per_K_sd);
+        if (!temperature.dummy.empty()) {
+            out.text("temperature.dummy", temperature.dummy);
+            out.line("temperature.dummy_zero", toml_number(temperature.dummy_zero));
+            out.line("temperature.dummy_per_K", toml_number(temperature.dummy_per_K));
+            out.line("temperature.dummy_per_K_sd", toml_number(temperature.dummy_per_K_sd));
+            out.line("temperature.dummy_difference_K", toml_number(temperature.dummy_difference_K));
+        }
     }
     if (const Repeats& repeats = calibration.repeats; !repeats.readings.empty() || !repeats.noise.empty()) {
         if (!repeats.readings.empty()) out.line("repeats.readings", fmt::format("[{}]", fmt::join(repeats.readings, ", ")));

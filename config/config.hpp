@@ -81,6 +81,7 @@ struct SensorMeasuring {
     std::string temperature_of;                 // name of another sensor that has the same temperature, "" = none
     std::array<double, 2> temperature_range_C;  // lowest and highest; NaN = not declared
     double temperature_difference_K;            // NaN = not declared
+    double temperature_sd_K;                    // NaN = not declared
     std::string expect_serial;                  // serial that the calibration must have; "" = any
     std::string serial_channel;                 // name of the frame's channel that is the number of the device, "" = none
     std::string calibration;                    // path, as given or beside the configuration file
@@ -94,17 +95,17 @@ struct SensorTuning {
     // lowest and highest raw number; a channel at or beyond one of them counts as saturated
     std::array<double, 2> saturates_at = {-kUnlimited, kUnlimited};
     int temperature_frozen_after = -1;  // number of readings; 0 = never, -1: by the driver
-    double temperature_jump_K = 1;
-    int frozen_after = -1;             // number of readings; 0 = never, -1: by the calibration or the driver
-    double delay_ms = -1;              // -1: by the driver
-    double rate_Hz = 0;                // 0 = not declared
-    double rate_tolerance = 0.2;       // relative to rate_Hz
-    double drift_limit_N = 0;          // 0 = none
-    int tare_ms = 100;                 // length of a tare's mean
-    double tare_limit_N = -1;          // magnitude; 0 = none, -1 = 20 % of full scale for each component
-    std::string zero_after = "doubt";  // or "keep", "forget"
-    bool accept_too_quiet = false;     // a device with less noise than in its calibration is the calibrated one
-    bool accept_unproved_age = false;  // allows tares and weights although the stream would not reveal a delay
+    double temperature_jump_K = -1;     // -1: 1 K, but any for a dummy
+    int frozen_after = -1;              // number of readings; 0 = never, -1: by the calibration or the driver
+    double delay_ms = -1;               // -1: by the driver
+    double rate_Hz = 0;                 // 0 = not declared
+    double rate_tolerance = 0.2;        // relative to rate_Hz
+    double drift_limit_N = 0;           // 0 = none
+    int tare_ms = 100;                  // length of a tare's mean
+    double tare_limit_N = -1;           // magnitude; 0 = none, -1 = 20 % of full scale for each component
+    std::string zero_after = "doubt";   // or "keep", "forget"
+    bool accept_too_quiet = false;      // a device with less noise than in its calibration is the calibrated one
+    bool accept_unproved_age = false;   // allows tares and weights although the stream would not reveal a delay
     // Share of readings that a damaged channel may leave GOOD and wrong, 0 .. 1.
     double undetected_damage_limit = kUnlimited;
     double filter_hz = 0;  // low pass on force and torque, 0 = off
@@ -244,5 +245,7 @@ std::vector<std::string> grasp_advice(const GraspSettings& grasp);
 // Reads every key that does not belong to a driver or a model, and checks names, references between them, and that
 // each sensor's link exists. Errors go to `problems`. setup: never throws for bad input
 Config load_config(const std::string& path, Problems& problems);
+// Returns a [[sensor]] whose keys have their defaults, for data without a configuration. setup
+SensorSettings default_sensor();
 
 }  // namespace tactiled

@@ -45,23 +45,33 @@ const Fields<SensorSettings>& sensor_fields() {
         {TACTILED_KEY(S, saturates_at), Default(d.saturates_at, "only what the driver reports"), range(-1e300, 1e300),
          "raw numbers", "A channel at or beyond one of the two, [lowest, highest], is saturated."},
         {TACTILED_KEY(S, temperature), "", Text::any,
-         "The name in `channels` that is the sensor's temperature in degC; \"\" = the link delivers none."},
+         "The name in `channels` that is the sensor's temperature in degC; \"\" = the link delivers none. A dummy is named "
+         "by "
+         "the calibration, not here."},
         {TACTILED_KEY(S, temperature_of), "", Text::any,
          "Another [[sensor]] that has a `temperature`, where both are of the same temperature; \"\" = none."},
         {TACTILED_KEY(S, temperature_range_C), Default(kNoRange, "10 K wide for hairs, gauges and pads; else not declared"),
          range(-273.15, 1000), "degC",
          "[lowest, highest] in use. The standard deviation contains what the range can change where the coefficient is "
          "known, by the calibration or by the model, and the calibration cannot take the temperature off. Equal numbers = "
-         "constant, or compensated by the electronics. A measured temperature outside of the range is UNCERTAIN."},
-        {TACTILED_KEY(S, temperature_difference_K), Default(kUnset, "0.5, at most the width of temperature_range_C"),
+         "constant within temperature_sd_K. A measured temperature outside of the range is UNCERTAIN."},
+        {TACTILED_KEY(S, temperature_sd_K), Default(kUnset, "0.5, but 0 where a thermometer or a dummy measures"),
+         range(1e-6, 100), "K",
+         "Standard deviation with which the temperature is known: of the ends of temperature_range_C, of the remainder that "
+         "compensating electronics leave, or of the thermometer. The standard deviation of the force contains its change; "
+         "the calibration or the model must know the coefficient."},
+        {TACTILED_KEY(S, temperature_difference_K),
+         Default(kUnset,
+                 "0.5, at most the width of temperature_range_C and temperature_sd_K together; with a dummy as calibrated"),
          range(0, 100), "K",
-         "Largest difference of temperature between two channels, or between a channel and the thermometer. The standard "
-         "deviation contains what it can change."},
+         "Largest difference of temperature between two channels, or between a channel and the thermometer or dummy. The "
+         "standard deviation contains what it can change."},
         {TACTILED_KEY(S, temperature_frozen_after),
          Default(d.temperature_frozen_after, "0, but 100 if the driver knows that noise moves every number"),
          range(0, 1'000'000), "readings",
          "A temperature that repeats one number this often (2 or more) is not used; 0 = it may repeat."},
-        {TACTILED_KEY(S, temperature_jump_K), d.temperature_jump_K, range(0.01, 1000), "K",
+        {TACTILED_KEY(S, temperature_jump_K), Default(d.temperature_jump_K, "1, but no limit for a dummy"),
+         range(0.01, 1000), "K",
          "A temperature that moves farther than this, beyond 0.1 K/s, is not used until it returns, or until a tare."},
         {TACTILED_KEY(S, expect_serial), "", Text::any,
          "Serial of the sensor that is mounted here; a calibration of another one is refused. \"\" = any."},
@@ -153,12 +163,6 @@ SensorSettings read_sensor(Options table, const std::string& folder) {
     if (const auto [lowest, highest] = s.temperature_range_C; !std::isnan(lowest) && !(lowest <= highest))
         table.problem("temperature_range_C",
                       fmt::format("temperature_range_C = [{}, {}] should be [lowest, highest]", lowest, highest));
-    if (const auto [lowest, highest] = s.temperature_range_C; s.temperature_difference_K > highest - lowest)
-        table.problem("temperature_difference_K",
-                      fmt::format("temperature_difference_K = {} is more than the width of temperature_range_C, {} K",
-                                  s.temperature_difference_K, highest - lowest));
-    if (std::isnan(s.temperature_difference_K))
-        s.temperature_difference_K = std::fmin(0.5, s.temperature_range_C[1] - s.temperature_range_C[0]);
     if (s.temperature_frozen_after == 1)
         table.problem("temperature_frozen_after",
                       "temperature_frozen_after = 1 is no number of equal readings; 0 = off, else 2 or more");
@@ -186,6 +190,13 @@ SensorSettings read_sensor(Options table, const std::string& folder) {
     if (!s.calibration.empty())  // an absolute path is unchanged
         s.calibration = (std::filesystem::path(folder) / s.calibration).string();
     return s;
+}
+
+SensorSettings default_sensor() {
+    Problems of_required_keys;
+    SensorSettings sensor = read_sensor(Options::parse_text("", "", of_required_keys), "");
+    sensor.options = no_options();
+    return sensor;
 }
 
 void pair_sensors(std::vector<SensorSettings>& sensors) {

@@ -37,7 +37,9 @@ inline constexpr Wrench kUnseen{kNaN, kNaN, kNaN, kNaN, kNaN, kNaN};
 // The temperature of a sensor in use, as declared by the user.
 struct TemperatureInUse {
     double lowest_C = kNaN, highest_C = kNaN;  // range of the sensor's temperature; NaN = not declared
-    double difference_K = 0;  // largest difference between two channels, or between a channel and the thermometer
+    // largest difference between two channels, or between a channel and the thermometer; NaN = not declared
+    double difference_K = kNaN;
+    double sd_K = kNaN;  // standard deviation of the range or of the thermometer; NaN = not declared
 };
 
 // The correlations of the errors of a calibration. Constant while the decoupler exists.

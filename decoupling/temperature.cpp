@@ -28,14 +28,17 @@ public:
           n_(calibration.channels.size()),
           zero_(is_fitted_ ? temperature_.zero : calibration.zero),
           middle_(calibration.monitor.mean) {
-        full_scale_.fill(kNaN);
+        large_squared_.fill(kNaN);
         for (std::size_t i = 0; i < calibration.components.size(); ++i) {
             const std::size_t c = component_index(calibration.components[i]);
             is_seen_[c] = true;
-            if (i < calibration.full_scale.size()) full_scale_[c] = calibration.full_scale[i];
+            if (i >= calibration.full_scale.size()) continue;
+            const double large = kLarge * calibration.full_scale[i];
+            large_squared_[c] = large * large;
         }
         zero_per_K_ = temperature_.zero_per_K;
         for (const double gain : temperature_.gain_per_K) gain_per_K_ = std::max(gain_per_K_, std::abs(gain));
+        for (const double sd : temperature_.gain_per_K_sd) gain_sd_per_K_ = std::max(gain_sd_per_K_, sd);
         if (const TemperatureEffect* const effect = temperature_effect(calibration); effect != nullptr) {
             gain_per_K_ = effect->gain_per_K;
             for (const double zero : zero_)
@@ -51,10 +54,10 @@ public:
         const bool is_known = is_fitted_ && std::isfinite(t_C);
         Estimate estimate = is_known ? at_reference_temperature(reading) : inner_->decouple(reading);
         if (!estimate.has_value) return estimate;
-        widen(is_known ? measured_ : unmeasured_, estimate);
+        widen(is_known ? measured_ : unmeasured_, is_known ? t_C - temperature_.reference_C : 0, estimate);
         // Both comparisons are false for a NaN.
         const bool is_beyond = t_C < lowest_C_ || t_C > highest_C_;
-        if (is_beyond) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+        if (is_beyond) estimate.reasons |= TACTILED_TEMPERATURE;
         return estimate;
     }
     void forget() noexcept override { inner_->forget(); }
@@ -63,9 +66,22 @@ public:
     void set_temperature(const TemperatureInUse& in_use) noexcept override {
         const double declared_K = in_use.highest_C - in_use.lowest_C;  // NaN: not declared
         const double width_K = std::isfinite(declared_K) || is_fitted_ ? declared_K : kRoom_K;
+        const double sd_K = std::isfinite(in_use.sd_K) ? in_use.sd_K : kUnstated_K;
+        const double difference_K = std::isfinite(in_use.difference_K) ? in_use.difference_K
+                                    : !temperature_.dummy.empty()      ? temperature_.dummy_difference_K
+                                                                       : std::fmin(kUnstated_K, width_K + sd_K);
         const Effect per_K = effect_of_a_kelvin(std::isfinite(width_K) ? width_K : kStep_K);
-        measured_ = term(per_K, in_use.difference_K, in_use.difference_K);
-        unmeasured_ = term(per_K, width_K, in_use.difference_K);
+        measured_ = term(per_K, std::isfinite(in_use.sd_K) ? std::hypot(difference_K, sd_K) : difference_K, difference_K);
+        unmeasured_ = term(per_K, std::hypot(width_K, sd_K), difference_K);
+        // The coefficient of the dummy errs in all channels together, those of the channels err each.
+        const double scale_sd = temperature_.dummy_per_K_sd / std::abs(temperature_.dummy_per_K);
+        for (std::size_t c = 0; c < 6 && is_fitted_; ++c) {
+            if (!is_seen_[c]) continue;
+            const double alike = per_K.alike[c] * scale_sd;
+            measured_.squared_per_K2[c] = alike * alike + per_K.coefficient[c] * per_K.coefficient[c];
+            measured_.is_known = measured_.is_known && std::isfinite(measured_.squared_per_K2[c]);
+        }
+        measured_.gain_squared_per_K2 = gain_sd_per_K_ * gain_sd_per_K_;
         if (std::isfinite(declared_K)) {
             lowest_C_ = std::max(lowest_C_, in_use.lowest_C - kMargin_K);
             highest_C_ = std::min(highest_C_, in_use.highest_C + kMargin_K);
@@ -74,15 +90,16 @@ public:
     [[nodiscard]] std::string_view method() const noexcept override { return inner_->method(); }
 
 private:
-    // Change of the wrench per kelvin: of all channels together, and of each channel alone (root of the sum of squares).
+    // Change of the wrench per kelvin: of all channels together, and of each channel alone (root of the sum of squares); of
+    // each channel by one standard deviation of its coefficient.
     struct Effect {
-        Wrench alike{}, each{};
+        Wrench alike{}, each{}, coefficient{};
     };
     // The contribution to the standard deviation: squares, 0 for a component that is not measured.
     struct Term {
-        Wrench squared{};
-        double gain = 0;  // relative to the component
-        bool is_known = true, is_large = false;
+        Wrench squared{}, squared_per_K2{};                // and in addition for each kelvin from the reference temperature
+        double gain_squared = 0, gain_squared_per_K2 = 0;  // relative to the component; likewise
+        bool is_known = true;
     };
 
     [[nodiscard]] Estimate at_reference_temperature(const Reading& reading) noexcept {
@@ -94,17 +111,21 @@ private:
         return inner_->decouple(used);
     }
 
-    static void widen(const Term& term, Estimate& estimate) noexcept {
+    void widen(const Term& term, double from_K, Estimate& estimate) const noexcept {
+        const double from_K2 = from_K * from_K, gain_squared = term.gain_squared + term.gain_squared_per_K2 * from_K2;
+        bool is_large = false;
         for (std::size_t c = 0; c < 6; ++c) {
-            const double of_gain = term.gain * estimate.wrench_S[c], variance = term.squared[c] + of_gain * of_gain;
-            estimate.temperature[c] = std::sqrt(variance);
-            estimate.sd[c] = std::sqrt(estimate.sd[c] * estimate.sd[c] + variance);
+            const double squared = term.squared[c] + term.squared_per_K2[c] * from_K2;
+            const double of_gain = gain_squared * estimate.wrench_S[c] * estimate.wrench_S[c];
+            estimate.temperature[c] = std::sqrt(squared + of_gain);
+            estimate.sd[c] = std::sqrt(estimate.sd[c] * estimate.sd[c] + squared + of_gain);
+            is_large |= squared > large_squared_[c];  // not with NaN
         }
         if (!term.is_known) {
             estimate.sd = kUnseen;
-            estimate.reasons |= TACTILED_UNKNOWN_UNCERTAINTY;
+            estimate.reasons |= TACTILED_TEMPERATURE | TACTILED_UNKNOWN_UNCERTAINTY;
         }
-        if (term.is_large) estimate.reasons |= TACTILED_OUTSIDE_DOMAIN;
+        if (is_large) estimate.reasons |= TACTILED_TEMPERATURE;
     }
 
     // Returns the change of the wrench per kelvin, from half of `step_K` below to half of it above the reading `at`; for all
@@ -129,7 +150,7 @@ private:
     // Returns the largest effect at no load and at the middle of the calibration's rows, over one kelvin and over the range,
     // because a method need not be linear. NaN if the method has no value in any of them.
     [[nodiscard]] Effect effect_of_a_kelvin(double width_K) noexcept {
-        Effect largest{kUnseen, kUnseen};
+        Effect largest{kUnseen, kUnseen, kUnseen};
         const std::unique_ptr<Decoupler> examined = make_();
         if (examined == nullptr) return largest;
         const auto take = [](Wrench& most, const Wrench& one) {
@@ -140,13 +161,21 @@ private:
             if (at->size() != n_) continue;
             for (const double step_K : {kStep_K, std::max(kStep_K, width_K)}) {
                 take(largest.alike, change(*examined, *at, step_K, kAll));
-                Wrench squares{};
+                Wrench squares{}, of_coefficients{};
                 for (std::size_t k = 0; k < n_; ++k) {
                     const Wrench one = change(*examined, *at, step_K, k);
-                    for (std::size_t c = 0; c < 6; ++c) squares[c] += one[c] * one[c];
+                    const double sd = temperature_.zero_per_K_sd.empty() || zero_per_K_[k] == 0
+                                          ? 0
+                                          : temperature_.zero_per_K_sd[k] / zero_per_K_[k];
+                    for (std::size_t c = 0; c < 6; ++c) {
+                        squares[c] += one[c] * one[c];
+                        of_coefficients[c] += sd * one[c] * sd * one[c];
+                    }
                 }
-                for (double& square : squares) square = std::sqrt(square);
+                for (Wrench* const root : {&squares, &of_coefficients})
+                    for (double& square : *root) square = std::sqrt(square);
                 take(largest.each, squares);
+                take(largest.coefficient, of_coefficients);
             }
         }
         return largest;
@@ -156,13 +185,13 @@ private:
     // between channels. The effect of 0 K is 0, even if the effect per kelvin is unknown.
     [[nodiscard]] Term term(const Effect& per_K, double alike_K, double each_K) const noexcept {
         Term term;
-        term.gain = std::isfinite(alike_K) ? gain_per_K_ * alike_K : 0;
+        const double gain = std::isfinite(alike_K) ? gain_per_K_ * alike_K : 0;
+        term.gain_squared = gain * gain;
         const auto part = [](double effect, double kelvin) { return kelvin == 0 ? 0 : effect * kelvin; };
         for (std::size_t c = 0; c < 6; ++c) {
             if (!is_seen_[c]) continue;
             const double change = std::hypot(part(per_K.alike[c], alike_K), part(per_K.each[c], each_K));
             term.is_known = term.is_known && std::isfinite(change);
-            term.is_large = term.is_large || change > kLarge * full_scale_[c];
             term.squared[c] = change * change;
         }
         return term;
@@ -176,10 +205,10 @@ private:
     bool is_fitted_;
     std::size_t n_;
     std::vector<double> zero_, middle_, zero_per_K_;
-    double gain_per_K_ = 0;
+    double gain_per_K_ = 0, gain_sd_per_K_ = 0;
     std::array<bool, 6> is_seen_{};
-    Wrench full_scale_{};
-    Term measured_{}, unmeasured_{.squared = {}, .gain = 0, .is_known = !is_fitted_, .is_large = false};
+    Wrench large_squared_{};  // squares of the standard deviations above which a component is UNCERTAIN
+    Term measured_{}, unmeasured_{.squared = {}, .squared_per_K2 = {}, .is_known = !is_fitted_};
     double lowest_C_ = is_fitted_ ? temperature_.range_C[0] - kMargin_K : -std::numeric_limits<double>::infinity();
     double highest_C_ = is_fitted_ ? temperature_.range_C[1] + kMargin_K : std::numeric_limits<double>::infinity();
 };
@@ -191,8 +220,12 @@ double at_reference(const Temperature& temperature, std::size_t k, double readin
     return zero + (reading - zero - temperature.zero_per_K[k] * from_K) / (1 + temperature.gain_per_K[k] * from_K);
 }
 
+const TemperatureEffect* temperature_effect(std::string_view model) noexcept {
+    return Registry<TemperatureEffect>::find(model);
+}
+
 const TemperatureEffect* temperature_effect(const Calibration& calibration) noexcept {
-    return calibration.temperature.zero_per_K.empty() ? Registry<TemperatureEffect>::find(calibration.model) : nullptr;
+    return calibration.temperature.zero_per_K.empty() ? temperature_effect(calibration.model) : nullptr;
 }
 
 std::unique_ptr<Decoupler> with_temperature(const Calibration& calibration, MakeDecoupler make) {
@@ -210,6 +243,9 @@ std::string fault_of_temperature(const Calibration& calibration) {
         return fmt::format("temperature has {} zeros, {} zero_per_K and {} gain_per_K for {} channels",
                            temperature.zero.size(), temperature.zero_per_K.size(), temperature.gain_per_K.size(), n);
     if (temperature.range_C.size() != 2) return "temperature.range_C needs two numbers, the least and the greatest";
+    for (const auto* sd : {&temperature.zero_per_K_sd, &temperature.gain_per_K_sd})
+        if (!sd->empty() && sd->size() != n)
+            return fmt::format("temperature has {} standard deviations of coefficients for {} channels", sd->size(), n);
     return "";
 }
 

@@ -51,7 +51,8 @@ public:
         double counts_per_unit = 1;
         // identifies the stored zeros of this sensor (zero_store.hpp)
         std::uint32_t zero_id = 0;
-        int temperature_of_frame = -1;   // channel of a frame with the temperature in degC; -1: none
+        int temperature_of_frame = -1;                              // channel of a frame with the temperature; -1: none
+        double temperature_at_0_C = 0, temperature_per_unit_K = 1;  // its scale; 0 and 1: in degC
         int temperature_of_sensor = -1;  // sensor whose temperature is used for this sensor; -1: none
         TemperatureInUse temperature;
         int serial_of_frame = -1;  // channel of a frame with the number of the device; -1: none
@@ -167,6 +168,8 @@ public:
     void reset_peak() noexcept { peak_N_ = 0; }
 
     [[nodiscard]] const tactiled_sample& last() const noexcept { return placed_.sample; }
+    // Returns the estimate of the last frame that was not late, before checks of the stream, zero and low pass. rt: wait-free
+    [[nodiscard]] const Estimate& estimate() const noexcept { return estimate_; }
     // Returns the record of the last sample. rt: wait-free
     [[nodiscard]] const tactiled_placed& placed() const noexcept { return placed_; }
     // Returns the zeros of the tare in force and their id, for the next start of the daemon. rt: wait-free

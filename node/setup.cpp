@@ -14,6 +14,7 @@
 #include "node/log.hpp"
 #include "node/method_costs.hpp"
 #include "node/objects.hpp"
+#include "node/sensor_setup.hpp"
 
 namespace tactiled {
 namespace {
@@ -45,25 +46,6 @@ void make_driver(LinkSettings& settings, Link& link, tactiled_link& directory) {
     const TaxelShape shape = link.driver->taxel_shape();
     link.taxels.make(shape, Link::kRingFrames);
     if (shape.size() != 0) directory.taxels.record_size = tactiled_taxels_size(std::uint32_t(shape.size()));
-}
-
-// Returns the index in a frame for each channel of the calibration.
-std::vector<int> channel_map(SensorSettings& settings, const Calibration& calibration) {
-    std::vector<int> map;
-    for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
-        const auto& name = calibration.channels[k];
-        if (settings.channels.empty()) {  // the frame has exactly the calibrated channels, in that order
-            map.push_back(int(k));
-            continue;
-        }
-        const auto at = std::find(settings.channels.begin(), settings.channels.end(), name);
-        if (at == settings.channels.end())
-            settings.options.problem("channels",
-                                     fmt::format("the calibration {} needs channel \"{}\"; channels = [{}] lacks it",
-                                                 calibration.path, name, fmt::join(settings.channels, ", ")));
-        map.push_back(int(at - settings.channels.begin()));
-    }
-    return map;
 }
 
 // Fills in the methods of method "auto".
@@ -160,14 +142,6 @@ ZeroOwner zero_owner(const SensorSettings& settings, const Calibration& calibrat
     return owner;
 }
 
-// Returns the serial as a number if it has only digits, and at most as many as a double can distinguish.
-std::optional<double> number_of(const std::string& serial) {
-    constexpr std::size_t kMaxDigits = 15;
-    const bool is_number = !serial.empty() && serial.size() <= kMaxDigits &&
-                           std::all_of(serial.begin(), serial.end(), [](char c) { return c >= '0' && c <= '9'; });
-    return is_number ? std::optional<double>(std::stod(serial)) : std::nullopt;
-}
-
 // Adds the sensor, unless its files are wrong: the reason is then in `problems` and the node does not run.
 void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const std::string& costs_folder) {
     if (method_names(settings.model).empty()) {
@@ -212,37 +186,14 @@ void add_sensor(Node& node, SensorSettings& settings, Problems& problems, const 
     if (setup.decoupler == nullptr) settings.options.problem(fault.key, fault.text);
     Patch* const patch = setup.decoupler != nullptr ? setup.decoupler->patch() : nullptr;
     if (patch == nullptr) {
-        setup.channel_of_frame = channel_map(settings, calibration);
-        setup.frame_channels = settings.channels.empty() ? calibration.channels.size() : settings.channels.size();
+        put_channels(settings, calibration, setup);
     } else {
         patch->set_counts_per_unit(settings.counts_per_unit);
         if (!settings.channels.empty())
             settings.options.problem("channels", "an array has taxels, in the order of its link: delete this key");
     }
     if (setup.decoupler == nullptr || !problems.empty()) return;
-    setup.counts_per_unit = settings.counts_per_unit;
-    const auto index_of = [&](const std::string& name) {
-        return int(std::find(settings.channels.begin(), settings.channels.end(), name) - settings.channels.begin());
-    };
-    if (!settings.temperature.empty()) setup.temperature_of_frame = index_of(settings.temperature);
-    setup.temperature_of_sensor = settings.thermometer;
-    setup.temperature = {settings.temperature_range_C[0], settings.temperature_range_C[1],
-                         settings.temperature_difference_K};
-    if (!settings.serial_channel.empty()) {
-        const std::optional<double> number = number_of(calibration.serial);
-        if (!number)
-            settings.options.problem(
-                "serial_channel",
-                fmt::format("serial_channel needs a calibration whose serial is a number; that of {} is {}",
-                            settings.calibration, in_quotes(calibration.serial)));
-        setup.serial_of_frame = index_of(settings.serial_channel);
-        setup.serial = number.value_or(0);
-    }
-    const auto needs_tare = [](const Calibration& c) {
-        return c.validation.ends_with(Calibration::kOwnZeros) || !c.zero_shift.empty();
-    };
-    setup.needs_tare = needs_tare(calibration) || std::ranges::any_of(calibration.taxels, needs_tare);
-    setup.zero = zero_rates(patch != nullptr ? patch->with_zero_of_taxels(calibration) : calibration);
+    put_measuring(settings, calibration, setup);
     node.plan.sensors.push_back(directory_entry(settings, calibration, *setup.decoupler));
     tactiled_sensor& entry = node.plan.sensors.back();
     node.plan.places.push_back(patch != nullptr ? put_array(entry, *patch) : std::vector<float>{});
@@ -357,22 +308,6 @@ std::uint16_t identity_of(const Node& node, Problems& problems) {
 }
 
 }  // namespace
-
-ZeroError::Rates zero_rates(const Calibration& calibration) {
-    constexpr double kCounts = 0.1, kMain = 3, kHour_s = 3600;  // parts of full scale and of the standard deviation
-    ZeroError::Rates rates;
-    if (!calibration.zero_shift.empty()) rates.shift = {};
-    const std::vector<double>& per_h = calibration.zero_growth_per_h();
-    for (std::size_t i = 0; i < calibration.components.size(); ++i) {
-        const std::size_t c = component_index(calibration.components[i]);
-        if (i < per_h.size()) rates.per_s[c] = per_h[i] / kHour_s;
-        if (i < calibration.zero_shift.size()) rates.shift[c] = calibration.zero_shift[i];
-        if (i < calibration.sd.size())
-            rates.limit[c] = std::max(kMain * calibration.sd[i],
-                                      i < calibration.full_scale.size() ? kCounts * calibration.full_scale[i] : 0);
-    }
-    return rates;
-}
 
 Node load_node(const std::string& config_path, Problems& problems, const std::string& costs_folder) {
     Node node{.config = load_config(config_path, problems),

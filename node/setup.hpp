@@ -26,10 +26,6 @@ struct Node {
     bool simulated = false;  // a link has simulated data
 };
 
-// Returns the ageing of a calibration's zero. A rate that calibrate has not seen is the standard deviation of the force in
-// each hour. A zero is old when it is the main error of the force, and one that counts.
-ZeroError::Rates zero_rates(const Calibration& calibration);
-
 // Reads the configuration, every driver's and model's keys and every calibration. All errors go to `problems`; with
 // any error, the result must not be run. `costs_folder`: see method_costs.hpp. setup: never throws for bad input
 Node load_node(const std::string& config_path, Problems& problems, const std::string& costs_folder = "");

@@ -31,7 +31,7 @@ public:
         // The time in doubt does not count; otherwise any jump would be accepted after some time.
         if (since_s > kGap_s || !is_doubtful_) unjudged_s_ += since_s;
         const double walked_K = kSlew_K_per_s * unjudged_s_;
-        is_doubtful_ = std::abs(t_C - reference_C_) > tuning_->temperature_jump_K + walked_K;
+        is_doubtful_ = std::abs(t_C - reference_C_) > tuning_->thermometer_jump_K + walked_K;
         if (is_doubtful_) return kNone;
         reference_C_ += std::clamp(t_C - reference_C_, -walked_K, walked_K);
         unjudged_s_ = 0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace tactiled {
 namespace {
@@ -12,6 +13,7 @@ constexpr int kFrozenAfter = 100;   // readings, if the driver states that noise
 // readings, the probability that a reading repeats is about n^(-1 / R). A run of 10 R is then expected once in 10^23
 // readings for n = 200.
 constexpr int kFrozenTimes = 10;
+constexpr double kJump_K = 1;  // faster than kSlew_K_per_s: another thermometer
 // Without rows at rest the limit is kFrozenAfter readings and this time. For a sensor of few bits, whose readings repeat for
 // longer, set frozen_after = 0.
 constexpr std::uint64_t kFrozenUnknownNs = 10'000'000'000;
@@ -31,6 +33,20 @@ void put_frozen(const Calibration& calibration, Tuning& tuning) {
         const double longest_ns = double(kFrozenTimes) * double(run) * repeats.interval_s * 1e9;
         tuning.frozen_of[k] = {unsigned(after), std::uint64_t(std::min(longest_ns, 1e18))};
     }
+}
+
+// A dummy is one more channel of the converter that the others have, so it may repeat a number as often as they may. It
+// follows the temperature as fast as they do, so that a step of it is none of a thermometer.
+void put_thermometer(const SensorSettings& settings, const Calibration& calibration, Tuning& tuning) {
+    const bool is_dummy = !calibration.temperature.dummy.empty();
+    unsigned after = tuning.noisy && !settings.temperature.empty() ? unsigned(kFrozenAfter) : 0;
+    for (std::size_t k = 0; is_dummy && k < calibration.channels.size(); ++k)
+        after = std::max(after, tuning.frozen_of[k].after);
+    tuning.thermometer_frozen_after =
+        settings.temperature_frozen_after >= 0 ? unsigned(settings.temperature_frozen_after) : after;
+    tuning.thermometer_jump_K = settings.temperature_jump_K >= 0 ? settings.temperature_jump_K
+                                : is_dummy                       ? std::numeric_limits<double>::infinity()
+                                                                 : kJump_K;
 }
 
 // Sets the least noise of the calibrated device. The driver's numbers are counts_per_unit times those of the calibration.
@@ -61,10 +77,8 @@ Tuning tuning_of(const SensorSettings& settings, const Calibration& calibration,
     tuning.doubts_zero = settings.zero_after != "keep";
     tuning.forgets_zero = settings.zero_after == "forget";
     tuning.noisy = driver != nullptr && driver->is_noisy(device);
-    tuning.thermometer_frozen_after = settings.temperature_frozen_after >= 0 ? unsigned(settings.temperature_frozen_after)
-                                      : tuning.noisy && !settings.temperature.empty() ? unsigned(kFrozenAfter)
-                                                                                      : 0;
     put_frozen(calibration, tuning);
+    put_thermometer(settings, calibration, tuning);
     if (is_above_limit(calibration.undetected_damage_of(settings.method), settings.undetected_damage_limit))
         tuning.reasons |= TACTILED_NOT_REDUNDANT;
     put_least_noise(calibration, settings.counts_per_unit, tuning);

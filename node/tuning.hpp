@@ -7,6 +7,7 @@
 
 #include "config/calibration.hpp"
 #include "config/config.hpp"
+#include "decoupling/decoupler.hpp"
 #include "drivers/driver.hpp"
 #include "drivers/frame.hpp"
 
@@ -14,7 +15,7 @@ namespace tactiled {
 
 // The keys of the configuration, and values that tuning_of() derives from them, the calibration and the driver. Use the
 // derived value where there are both: frozen_of for frozen_after, tare_limit_of_.. for tare_limit_N, delay_s for delay_ms,
-// thermometer_frozen_after for temperature_frozen_after, and `pair` for the keys agree_...
+// thermometer_... for temperature_frozen_after and temperature_jump_K, and `pair` for the keys agree_...
 struct Tuning : SensorTuning {
     std::uint64_t stale_ns = 100'000'000;  // longest time without a frame for which the sensor has a value
     bool doubts_zero = true;               // zero_after is not "keep"
@@ -31,6 +32,7 @@ struct Tuning : SensorTuning {
     std::uint64_t noise_interval_ns = 0;
     bool noisy = false;                     // noise changes every reading, so the same number in all channels is an idle bus
     unsigned thermometer_frozen_after = 0;  // readings; 0 = never
+    double thermometer_jump_K = 1;
     // Limit of a new zero relative to the calibration's: each component's of the force, and of the magnitude; 0 = none.
     std::array<double, 3> tare_limit_of_component_N{};
     double tare_limit_of_magnitude_N = 0;
@@ -42,6 +44,11 @@ struct Tuning : SensorTuning {
 
     [[nodiscard]] std::uint64_t tare_ns() const noexcept { return std::uint64_t(tare_ms) * 1'000'000u; }
 };
+
+[[nodiscard]] inline TemperatureInUse temperature_in_use(const SensorMeasuring& settings) {
+    return {settings.temperature_range_C[0], settings.temperature_range_C[1], settings.temperature_difference_K,
+            settings.temperature_sd_K};
+}
 
 // Returns the tuning of a sensor. `channel_of_frame`: for each channel of the model, its index in the frame; empty for an
 // array. `full_scale`: N and Nm, NaN = unknown. `driver` is nullptr if its configuration is wrong; the node then does not

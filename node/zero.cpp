@@ -7,7 +7,7 @@ namespace tactiled {
 namespace {
 
 // Accepted reasons of a zero that a method computes from one reading in its initial state: its uncertainty must be known.
-constexpr std::uint32_t kOtherMayHave = TACTILED_OUTSIDE_DOMAIN | TACTILED_UNCALIBRATED;
+constexpr std::uint32_t kOtherMayHave = TACTILED_OUTSIDE_DOMAIN | TACTILED_TEMPERATURE | TACTILED_UNCALIBRATED;
 // in addition to the averaging time; the tare of a slow or stopped sensor then fails
 constexpr std::uint64_t kPatienceNs = 2'000'000'000;
 

@@ -121,7 +121,7 @@ FitReport fit(const Labelled& all, const FitRequest& request) {
     const bool remembers = methods.front()->remembers;
     if (!remembers) check_recording(*labelled, rows, report.warnings);
     Temperature temperature;  // set in the calibration at the end: until then all rows are at the reference
-    if (!remembers) temperature = take_temperature_off(rows, *labelled, calibration, report.warnings);
+    if (!remembers) temperature = take_temperature_off(rows, *labelled, calibration, request.dummy, report.warnings);
     if (!temperature.zero_per_K.empty())  // a row without a temperature cannot be corrected
         std::erase_if(rows, [](const LabelledRow* row) { return !std::isfinite(row->temperature_C); });
     Calibration raw;  // domain of the readings without a tare

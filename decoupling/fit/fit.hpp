@@ -30,6 +30,7 @@ struct FitRequest {
     // sd of each channel's zero in use, relative to its width; none: from the sessions
     std::optional<double> zero_drift = {};
     bool keep_outliers = false;  // suspected labels are named and kept
+    Temperature dummy = {};      // of take_dummy(); its name is empty if the sensor has none
     // A reading of a channel at or beyond these is at its saturation limit; its row is not used.
     double saturates_below = -std::numeric_limits<double>::infinity();
     double saturates_above = std::numeric_limits<double>::infinity();
@@ -108,6 +109,17 @@ struct FitReport {
     int rows_saturated = 0;        // labelled, but a channel that is used is at its saturation limit
     std::vector<std::string> warnings;
 };
+
+// Facts about the dummy of a recording that its rows do not show.
+struct DummyStated {
+    double at_C = kNaN;          // temperature of the recording; NaN = the mean of its column temperature_C
+    double difference_K = kNaN;  // largest difference of temperature between the dummy and a channel
+};
+
+// Makes the dummy of the model (TemperatureEffect::dummy), if the rows have it, the temperature of the rows, and none of
+// their channels. Returns its scale for FitRequest::dummy, without a name if there is none. temperature_fit.cpp
+// setup: throws SetupError where a stated fact is missing
+Temperature take_dummy(Labelled& labelled, const std::string& model, const DummyStated& stated);
 
 // Fits, names labels that seem wrong, and validates by leaving out each session, or with one session each pose and each of
 // five stretches of time, and then the last third of the time: rows of one group resemble each other so much that random

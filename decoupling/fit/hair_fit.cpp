@@ -140,7 +140,7 @@ HairFit fit_hair(const HairSession& session, std::size_t channel, std::size_t fi
     }
 }
 
-bool is_hair(std::string_view name) { return hair_index(name) < 4; }
+bool is_hair(std::string_view name) { return hair_index(name) < 4 || name == kHairDummy; }
 
 double cap_area_m2(const Calibration& calibration) {
     constexpr std::array<Parameter, 1> kBeforehand{{{kArea.name, kArea.what, kArea.min, kArea.max, kHairCapArea_m2}}};

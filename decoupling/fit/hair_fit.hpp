@@ -47,7 +47,7 @@ HairFit fit_hair(const HairSession& session, std::size_t channel, std::size_t fi
 inline constexpr double kHairCapArea_m2 = 2.827433388230814e-5;  // pi (3 mm)^2
 
 bool is_hair(std::string_view name);
-inline constexpr KnownChannels kHair{is_hair, "a hair of model \"hair\" (H1 .. H4)", "dR/R0"};
+inline constexpr KnownChannels kHair{is_hair, "a hair of model \"hair\" (H1 .. H4; H0 is a dummy)", "dR/R0"};
 
 // Returns the parameter area_m2 if it is stated, else kHairCapArea_m2. setup: throws Undetermined
 double cap_area_m2(const Calibration& calibration);

@@ -30,10 +30,11 @@ Repeats repeats_of(const Rows& rows);
 // ---- temperature_fit.cpp: zero and gain of each channel against temperature (decoupling/temperature.hpp) ----
 
 // Corrects each row of `labelled` to the reference temperature and returns the correction, if the rows cover at least 2 K
-// and the temperature lowers the error of a quadratic forward model on held-out stretches. Otherwise returns none and adds
-// the reason to `warnings`. setup
+// and the temperature lowers the error of a quadratic forward model on held-out stretches. Otherwise returns the known
+// coefficients of the model if `dummy` has a name, else none, and adds the reason to `warnings`. The standard deviations of
+// fitted coefficients are those of a jackknife over the stretches. setup
 Temperature take_temperature_off(const Rows& rows, Labelled& labelled, const Calibration& calibration,
-                                 std::vector<std::string>& warnings);
+                                 const Temperature& dummy, std::vector<std::string>& warnings);
 
 // ---- session_zeros.cpp: the zeros of the channels in each session, which change when a sensor is mounted again ----
 

@@ -49,9 +49,11 @@ bool Contact::take(const JawSample& sample) noexcept {
     observation_.press_N = -observation_.force_S_N.z();
     observation_.shear_N = std::hypot(observation_.force_S_N.x(), observation_.force_S_N.y());
     // Outside its domain a calibration's sd does not hold, so no weight is computed with it.
-    observation_.overload = (sample.reasons & (TACTILED_SATURATED | TACTILED_OUTSIDE_DOMAIN)) != 0;
-    for (int k = 0; k < 3; ++k)
-        observation_.overload |= setup_.full_scale_N[k] > 0 && std::abs(raw[k]) > setup_.full_scale_N[k];
+    bool overload = (sample.reasons & (TACTILED_SATURATED | TACTILED_OUTSIDE_DOMAIN)) != 0;
+    for (int k = 0; k < 3; ++k) overload |= setup_.full_scale_N[k] > 0 && std::abs(raw[k]) > setup_.full_scale_N[k];
+    observation_.refusal = overload                                       ? TACTILED_WEIGHT_OVERLOAD
+                           : (sample.reasons & TACTILED_TEMPERATURE) != 0 ? TACTILED_WEIGHT_TEMPERATURE
+                                                                          : TACTILED_WEIGHT_NONE;
     judge_touch();
     max_blind_N_ = std::max(max_blind_N_, observation_.press_N);
     if (touching_ || observation_.press_N < max_blind_N_ - setup_.contact_off_N) held_blind_ = false;

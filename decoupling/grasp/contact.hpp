@@ -14,7 +14,8 @@ struct Observation {
     Eigen::Vector3d force_S_N = Eigen::Vector3d::Zero(), sd_N = Eigen::Vector3d::Zero();
     double press_N = 0, shear_N = 0;  // -fz, |fx, fy|
     bool known = false;               // a value that is not BAD exists
-    bool overload = false;            // saturated, or beyond the full scale or the calibration
+    // the state of a weight of which this would be a part; TACTILED_WEIGHT_NONE: nothing prevents a weight
+    tactiled_weight_state refusal = TACTILED_WEIGHT_NONE;
 };
 
 class Contact {

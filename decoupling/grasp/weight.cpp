@@ -13,6 +13,11 @@ constexpr std::uint64_t kFresh_ns = 100'000'000;  // age up to which a reported 
 constexpr double kMinG_m_s2 = 9.69, kMaxG_m_s2 = 9.91;
 constexpr double kObservable = 0.3;  // least tangential part of the weight: gravity 17 degrees off the skin's normal
 
+// An overload is reported before an unknown temperature, because it may damage the sensor.
+tactiled_weight_state more_severe(tactiled_weight_state a, tactiled_weight_state b) noexcept {
+    return a == TACTILED_WEIGHT_NONE || b == TACTILED_WEIGHT_OVERLOAD ? b : a;
+}
+
 }  // namespace
 
 Weight::Weight(const Setup& setup)
@@ -86,7 +91,7 @@ void Weight::aim() noexcept {
 void Weight::take(std::size_t jaw, const Observation& observation) noexcept {
     Jaw& j = jaws_[jaw];
     j.t_ns = observation.t_ns;
-    j.overload |= observation.overload;
+    j.refusal = more_severe(j.refusal, observation.refusal);
     double force_N = 0;
     for (int k = 0; k < 2; ++k)
         if (std::abs(j.axis_S[k]) > kNoPart)
@@ -121,10 +126,10 @@ void Weight::close_block(std::uint64_t now_ns) noexcept {
         acceleration_reported_ && now_ns < acceleration_ns_ + kFresh_ns && acceleration_ns_ < now_ns + kFresh_ns;
     Eigen::Vector3d pull_G = reported ? Eigen::Vector3d(gravity_G_ - acceleration_G_) : gravity_G_;
     if (central_) pull_G.head<2>().setZero();
-    overloaded_ = false;
+    refusal_ = TACTILED_WEIGHT_NONE;
     for (std::size_t j = 0; j < n_jaws_; ++j) {
         Jaw& jaw = jaws_[j];
-        overloaded_ |= std::exchange(jaw.overload, false);
+        refusal_ = more_severe(refusal_, std::exchange(jaw.refusal, TACTILED_WEIGHT_NONE));
         if (jaw.carries_m_s2 > 0) carries_now += jaw.share * jaw.axis_S.dot(jaw.S_from_G * pull_G);
         if (jaw.n > 0) {  // a slower sensor's value is kept
             jaw.last_N = jaw.sum_N / jaw.n;

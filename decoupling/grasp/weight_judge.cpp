@@ -200,7 +200,7 @@ void Weight::judge(std::span<const Contact> jaws, std::uint64_t now_ns) noexcept
         begun_ns_ = now_ns;
         fails(state);
     };
-    if (overloaded_) return begins_anew(TACTILED_WEIGHT_OVERLOAD);
+    if (refusal_ != TACTILED_WEIGHT_NONE) return begins_anew(refusal_);
     for (std::size_t j = 0; j < n_jaws_; ++j) {
         const Jaw& jaw = jaws_[j];
         if (jaw.carries_m_s2 <= 0) continue;

@@ -64,9 +64,14 @@ std::string read_noise(const CalibrationData& data, HairSetup& setup) {
 
 namespace {
 
-// Platinum film, handbook value: 1 K on all hairs reads as a press of 8 kPa. The modulus of rubber follows the absolute
-// temperature.
-const TemperatureEffect effect{.name = "hair", .zero_per_K = 3e-3, .channel_unit = "dR/R0", .gain_per_K = 3.4e-3};
+// Platinum film, handbook value: 1 K on all hairs reads as a press of 8 kPa. The resistors of one wafer differ by 1 %. The
+// modulus of rubber follows the absolute temperature. H0 is a hair without a cap.
+const TemperatureEffect effect{.name = "hair",
+                               .zero_per_K = 3e-3,
+                               .channel_unit = "dR/R0",
+                               .gain_per_K = 3.4e-3,
+                               .dummy = kHairDummy,
+                               .mismatch = 0.01};
 
 }  // namespace
 

@@ -18,6 +18,9 @@ constexpr std::size_t hair_index(std::string_view name) noexcept {
     return name.size() == 2 && name[0] == 'H' && name[1] >= '1' && name[1] <= '4' ? std::size_t(name[1] - '1') : 4;
 }
 
+// An unloaded hair, which shows the temperature of the others: decoupling/temperature.hpp.
+inline constexpr std::string_view kHairDummy = "H0";
+
 // cos and sin of the azimuth of hair i: the shares of tau_x and tau_y that lower its resistance.
 inline constexpr std::array<double, 4> kHairCos{1, 0, -1, 0}, kHairSin{0, 1, 0, -1};
 

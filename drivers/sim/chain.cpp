@@ -46,6 +46,7 @@ constexpr std::string_view kChain[] = {
     "pyroelectric",
     "triboelectric",
     "temperature_zero",
+    "temperature_gradient",
     "self_heating",
     "contact_heat",
     "humidity",

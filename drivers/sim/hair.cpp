@@ -1,4 +1,4 @@
-// Hair cantilevers in an elastomer cap: H1 .. H4 (Cao et al., Soft Sci 2023;3:32).
+// Hair cantilevers in an elastomer cap: H1 .. H4, and a dummy H0 (Cao et al., Soft Sci 2023;3:32).
 #include <fmt/format.h>
 
 #include <cmath>
@@ -40,12 +40,13 @@ void read_hair(Options& options, Sensor& sensor) {
     const double shear = options.number("shear_per_Pa", {0, 1}, kShear_per_Pa) * softer;
     sensor.unit = "dR/R0";
     constexpr double kTowards[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
-    for (std::size_t k = 0; k < 4; ++k) {
+    for (std::size_t k = 0; k < HairSample::kHairs; ++k) {
         sensor.channels.push_back(fmt::format("H{}", k + 1));
         sensor.gain[k][kFx] = -shear / h.area_m2 * kTowards[k][0];
         sensor.gain[k][kFy] = -shear / h.area_m2 * kTowards[k][1];
         sensor.gain[k][kFz] = -normal / h.area_m2;
     }
+    if (options.flag("dummy", false)) sensor.channels.push_back("H0");
     sensor.full_scale_N = 2000 * h.area_m2;  // 2 kPa
     sensor.resolution_N = 7.2 * h.area_m2;   // 7.2 Pa, the paper's threshold for a press
 }

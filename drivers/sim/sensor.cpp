@@ -88,7 +88,8 @@ std::vector<Sensor> read_sensor(Options& options) {
             sensor.model = known.model;
             known.read(options, sensor);
         }
-    for (std::size_t k = 0; k < sensor.n(); ++k) sensor.per_N[k] = per_newton(sensor.gain[k]);
+    for (std::size_t k = 0; k < sensor.n(); ++k)  // a dummy has the amplifier and the noise of the first channel
+        sensor.per_N[k] = per_newton(sensor.gain[sensor.is_dummy(k) ? 0 : k]);
     sensor.resolution_N = options.number("resolution_N", {1e-9, 1e3}, sensor.resolution_N);
     sensor.full_scale_N = options.number("full_scale_N", {1e-6, 1e5}, sensor.full_scale_N);
     sensor.serial = std::uint64_t(options.integer("serial", {0, 9e15}, 1));

@@ -23,8 +23,10 @@ struct TableSample {
     std::vector<std::array<double, 26>> influence;
 };
 
-// Hairs in an elastomer: Cao et al. H1 .. H4 stand at 0, 90, 180, 270 degrees; a shear towards a hair lowers it.
+// Hairs in an elastomer: Cao et al. H1 .. H4 stand at 0, 90, 180, 270 degrees; a shear towards a hair lowers it. H0, if
+// there is one, is a dummy: a hair of the same wafer beside the cap, which no load reaches.
 struct HairSample {
+    static constexpr std::size_t kHairs = 4;  // the dummy follows them
     double area_m2, height_m;
     double young_Pa, reference_young_Pa;  // gains are valid at the reference and inversely proportional to the modulus
     double root_distance_m;               // distance of a hair from the centre
@@ -49,9 +51,9 @@ struct TaxelSample {
 struct Sensor {
     std::string name;
     Model model{};
-    std::vector<std::string> channels;            // "R1" .. "R8"; "H1" .. "H4"; "C1" .. "C4", "Cn", "Vp"; "Z" or "X" "Y" "Z"
-    std::string unit;                             // "dR/R0", "pF" ("Vp": V) or "counts"
-    Channels zero{};                              // readings without load
+    std::vector<std::string> channels;  // "R1" .. "R8"; "H1" .. "H4" "H0"; "C1" .. "C4", "Cn", "Vp"; "Z" or "X" "Y" "Z"
+    std::string unit;                   // "dR/R0", "pF" ("Vp": V) or "counts"
+    Channels zero{};                    // readings without load
     std::array<Load, kMaxSensorChannels> gain{};  // unit per N of fx fy fz and per Nm of mx my
     // Change of the channel per 1 N, in its unit: its response to the axis with the smallest response above a tenth
     // of the largest. An error in N is thus rather overestimated than underestimated.
@@ -79,6 +81,8 @@ struct Sensor {
     [[nodiscard]] std::size_t taxels() const { return is_array() ? rows * columns : 0; }
     // Returns the sensor that taxel i is, in the order of the wire: row 0 has the largest y, column 0 the smallest x. setup
     [[nodiscard]] Sensor taxel_at(std::size_t i) const;
+    // Returns true for a channel that responds to temperature and to no load.
+    [[nodiscard]] bool is_dummy(std::size_t k) const { return model == Model::hair && k >= HairSample::kHairs; }
     [[nodiscard]] std::size_t find(std::string_view channel) const;  // n() if there is none
 
     // Returns the largest change of any channel, in N, if each component of the load changes by at most that much (N,

@@ -59,6 +59,7 @@ inline constexpr ReasonEdge kReasonEdges[] = {
     {TACTILED_UNKNOWN_UNCERTAINTY, kConfigurationAndCalibration},
     {TACTILED_TOO_QUIET, kConfigurationAndCalibration},
     {TACTILED_NOT_REDUNDANT, kConfigurationAndCalibration},
+    {TACTILED_TEMPERATURE, kConfigurationAndCalibration},
     {TACTILED_ZERO_UNKNOWN, kSettings},
     {TACTILED_ZERO_OLD, kSettings},
     {TACTILED_SATURATED, kSaturation},

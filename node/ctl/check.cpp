@@ -16,6 +16,7 @@
 #include "node/ctl/doctor/doctor.hpp"
 #include "node/ctl/status_text.hpp"
 #include "node/ctl/verb.hpp"
+#include "node/sensor_setup.hpp"
 #include "node/setup.hpp"
 #include "node/tuning.hpp"
 

@@ -28,7 +28,7 @@ const char* grip_state_text(std::uint32_t state) {
 }
 
 const char* weight_state_text(std::uint32_t state) {
-    static constexpr const char* kWords[] = {"none", "estimating", "stable", "overload", "not-observable"};
+    static constexpr const char* kWords[] = {"none", "estimating", "stable", "overload", "not-observable", "temperature"};
     return word(kWords, state);
 }
 

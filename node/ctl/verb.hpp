@@ -37,7 +37,7 @@ struct ReasonText {
     const char *word = "", *meaning = "", *remedy = "";
 };
 inline constexpr auto kReasonTexts = [] {
-    std::array<ReasonText, 27> texts{};
+    std::array<ReasonText, 28> texts{};
 #define TACTILED_TEXT_(reason, word, best, fault, constant, use, meaning, remedy) \
     texts[std::size_t(std::countr_zero(unsigned(TACTILED_##reason)))] = {word, meaning, remedy};
     TACTILED_REASON_TABLE(TACTILED_TEXT_)

@@ -27,7 +27,7 @@ from plc import NotSeen, Plc  # noqa: E402
 
 BINS = {"A": 0.12, "B": 0.21, "C": 0.34}  # kg
 GRIP_STATES = ["open", "contact", "grasped", "lifting", "holding", "slipping", "lost"]
-WEIGHT_STATES = ["none", "estimating", "stable", "overload", "not observable"]
+WEIGHT_STATES = ["none", "estimating", "stable", "overload", "not observable", "temperature"]
 PAUSED = "paused with open jaws, so that a tare succeeds: tactilectl tare left; p goes on"
 HELD = "held, so that a known weight succeeds: tactilectl weigh known {:.4f}; h goes on"
 QUALITY = {tactiled.GOOD: ("GOOD", 32), tactiled.UNCERTAIN: ("UNCERTAIN", 33), tactiled.BAD: ("BAD", 31)}

@@ -35,6 +35,7 @@ struct Settings {
     std::vector<std::string> set;              // "area_m2=3e-5"
     std::map<std::string, std::string> start;  // options of the fits
     std::optional<double> forget;
+    DummyStated dummy;
     bool json = false, force = false, own_zeros = false, one_zero = false;
 };
 
@@ -48,6 +49,8 @@ std::string sensor_text(const FitReport& report, const Settings& settings) {
     if (!valid_name(name)) name = "my_sensor";
     std::vector<std::string> channels;
     for (const auto& channel : report.calibration.channels) channels.push_back(toml_text(channel));
+    if (const std::string& dummy = report.calibration.temperature.dummy; !dummy.empty())
+        channels.push_back(toml_text(dummy));
     const double period_ms = 1e3 * report.calibration.repeats.interval_s;  // 0: not known
     const std::string slow = kPeriodsToStale * period_ms > kStaleMs
                                  ? fmt::format(
@@ -132,6 +135,16 @@ void print_budget(const FitReport& report) {
         fmt::print("reference: not stated, so that no sd contains it (--reference and --reference-uncertainty)\n");
 }
 
+// Returns what the sample's dummy leaves: the sd of the largest coefficient beside its size.
+std::string dummy_text(const Temperature& t) {
+    if (t.dummy.empty()) return "";
+    double most = 0;
+    for (std::size_t k = 0; k < t.zero_per_K.size(); ++k)
+        most = std::max(most, t.zero_per_K_sd[k] / std::abs(t.zero_per_K[k]));
+    return fmt::format(" by the dummy {}, whose coefficient differs by {:.2g} % (sd{}), within {:g} K", t.dummy, 100 * most,
+                       t.dummy_per_K_sd > 0 ? ", stated, not fitted: record over 2 K" : "", t.dummy_difference_K);
+}
+
 void print_report(const FitReport& report, const Settings& settings) {
     const Calibration& calibration = report.calibration;
     fmt::print("{}: model {}, method {}, {} channels\n", settings.out, calibration.model, calibration.method,
@@ -186,7 +199,7 @@ void print_report(const FitReport& report, const Settings& settings) {
     for (const auto& [name, value] : calibration.parameters) fmt::print("{} = {:.5g}\n", name, value);
     fmt::print("condition number: {:.3g}\n", calibration.condition);
     if (const Temperature& t = calibration.temperature; !t.zero_per_K.empty())
-        fmt::print("temperature: {:.1f} to {:.1f} degC\n", t.range_C[0], t.range_C[1]);
+        fmt::print("temperature: {:.1f} to {:.1f} degC{}\n", t.range_C[0], t.range_C[1], dummy_text(t));
     print_damage(calibration);
     for (const std::string& line : warning_page(report.warnings)) fmt::print(stderr, "warning: {}\n", line);
     fmt::print("To use it, paste into the configuration:\n\n{}", sensor_text(report, settings));
@@ -349,8 +362,9 @@ int calibrate(Settings settings) {
     for (const auto& [name, value] : settings.start)
         if (!value.empty()) put_fit_option(name, value, request);
     if (const auto fits = fits_of(request.model); !fits.empty()) settings.selection.known = fits.front()->channels.includes;
-    const Labelled labelled = read_labelled(settings.in, settings.selection);
+    Labelled labelled = read_labelled(settings.in, settings.selection);
     fmt::print(stderr, "{}", labelled.columns);  // before the fit, which may take minutes
+    request.dummy = take_dummy(labelled, request.model, settings.dummy);
     check_reference(reference, labelled);
     FitReport report = fit(labelled, settings.request);
     put_reference(reference, report.calibration);
@@ -392,6 +406,12 @@ Run add_calibrate(Command verb) {
     const Option own = verb.add_flag("--zero-per-session", settings->own_zeros,
                                      "each session has its own zero, as after mounting; else found from the recording");
     verb.add_flag("--one-zero", settings->one_zero, "all sessions have the same zero").excludes(own);
+    verb.add_option("--dummy-difference-K", settings->dummy.difference_K,
+                    "hair with a dummy H0: largest difference of temperature between it and another hair, e.g. 0.01")
+        .number_in(0.0, 100.0);
+    verb.add_option("--dummy-at-C", settings->dummy.at_C,
+                    "temperature at which the dummy was recorded, if there is no column temperature_C")
+        .number_in(-50.0, 150.0);
     verb.add_flag("--keep-outliers", settings->request.keep_outliers, "labels that look wrong are reported and used");
     verb.add_option("--saturates-below", settings->request.saturates_below,
                     "rows with a channel at or below this are left out (unit of the channels)");

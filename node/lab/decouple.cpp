@@ -17,8 +17,8 @@
 #include "decoupling/fit/array_presses.hpp"
 #include "decoupling/patch/patch.hpp"
 #include "decoupling/place.hpp"
-#include "node/budget.hpp"
 #include "node/ctl/command_line.hpp"
+#include "node/lab/row_sensor.hpp"
 
 namespace tactiled::ctl {
 namespace {
@@ -34,6 +34,7 @@ struct Settings {
     bool budget = false;
     double saturates_below = -std::numeric_limits<double>::infinity();
     double saturates_above = std::numeric_limits<double>::infinity();
+    TemperatureInUse temperature;
 };
 
 // Returns the column of each channel, by name.
@@ -95,14 +96,13 @@ public:
     Tare(double duration_s, bool is_array, ForcesWriter& forces)
         : duration_s_(duration_s), is_array_(is_array), forces_(forces) {}
 
-    void write(double t_s, Estimate estimate) {
+    void write(double t_s, Estimate estimate, const tactiled_budget& budget) {
         if (!until_s_) until_s_ = t_s + duration_s_;
         if (!ended_ && t_s < *until_s_) {
-            waiting_.emplace_back(t_s, estimate);
+            waiting_.push_back({t_s, estimate, budget});
             return;
         }
         end();
-        const Wrench raw_S = estimate.wrench_S;
         for (std::size_t c = 0; c < zero_S_.size(); ++c) estimate.wrench_S[c] -= zero_S_[c];
         // The place of Sensor::put_place(); the taxels of an array are not tared here.
         if (is_array_ && duration_s_ > 0) {
@@ -113,9 +113,6 @@ public:
             estimate.cop_S_m = place.cop_S_m;
             estimate.cop_sd_m = place.sd_m;
         }
-        tactiled_budget budget{};
-        put_parts(estimate, {estimate.sd, estimate.sd, estimate.sd}, budget);
-        put_correlations(*estimate.correlations, raw_S, budget);
         forces_.write(t_s, estimate, quality_text(estimate.quality(), estimate.reasons), budget);
     }
 
@@ -123,23 +120,29 @@ public:
         if (std::exchange(ended_, true) || waiting_.empty()) return;
         const auto has = [&](std::uint8_t quality) {
             return std::count_if(waiting_.begin(), waiting_.end(),
-                                 [&](const auto& row) { return row.second.quality() == quality; });
+                                 [&](const Row& row) { return row.estimate.quality() == quality; });
         };
         const std::uint8_t best = has(TACTILED_GOOD) != 0 ? TACTILED_GOOD : TACTILED_UNCERTAIN;
         const auto n = double(has(best));
         if (n == 0) throw SetupError(fmt::format("--tare-s {:g}: every force of this time is BAD", duration_s_));
         for (std::size_t c = 0; c < zero_S_.size(); ++c)
-            for (const auto& [t_s, estimate] : waiting_)
-                if (estimate.quality() == best) zero_S_[c] += estimate.wrench_S[c] / n;
-        for (const auto& [t_s, estimate] : std::exchange(waiting_, {})) write(t_s, estimate);
+            for (const Row& row : waiting_)
+                if (row.estimate.quality() == best) zero_S_[c] += row.estimate.wrench_S[c] / n;
+        for (const Row& row : std::exchange(waiting_, {})) write(row.t_s, row.estimate, row.budget);
     }
 
 private:
+    struct Row {
+        double t_s;
+        Estimate estimate;
+        tactiled_budget budget;
+    };
+
     double duration_s_;
     bool is_array_;
     ForcesWriter& forces_;
     std::optional<double> until_s_;
-    std::vector<std::pair<double, Estimate>> waiting_;
+    std::vector<Row> waiting_;
     Wrench zero_S_{};
     bool ended_ = false;
 };
@@ -148,17 +151,25 @@ int decouple(const Settings& settings) {
     Problems problems;
     const Calibration calibration = load_calibration(settings.calibration, problems);
     problems.throw_if_any();
-    const auto decoupler = make_decoupler(calibration, settings.method, settings.budget_us);
-    decoupler->set_delay(std::vector<double>(calibration.channels.size(), settings.delay_ms * 1e-3));
+    const auto& [lowest_C, highest_C, difference_K, sd_K] = settings.temperature;
+    if (std::isnan(lowest_C) != std::isnan(highest_C) || lowest_C > highest_C)
+        throw SetupError(
+            "--temperature-from-C and --temperature-to-C: the lowest and the highest temperature, both or none");
+    RowSensor sensor(calibration, {.method = settings.method,
+                                   .budget_us = settings.budget_us,
+                                   .delay_ms = settings.delay_ms,
+                                   .saturates_at = {settings.saturates_below, settings.saturates_above},
+                                   .temperature = settings.temperature,
+                                   .has_tare = settings.tare_s > 0});
     CsvReader csv(settings.in);
     RowTime time(csv);
     std::optional<ArrayColumns> array;
-    if (Patch* const patch = decoupler->patch(); patch != nullptr) {
-        array.emplace(csv, *patch, calibration.channels);
-        patch->set_saturates_at({settings.saturates_below, settings.saturates_above});
-    }
+    if (Patch* const patch = sensor.patch(); patch != nullptr) array.emplace(csv, *patch, calibration.channels);
     const auto columns = array ? std::vector<std::size_t>{} : channel_columns(csv, calibration);
-    const auto temperature = csv.find("temperature_C");
+    const std::string& dummy = calibration.temperature.dummy;
+    const auto thermometer = csv.find(dummy.empty() ? "temperature_C" : dummy);
+    if (!dummy.empty() && !thermometer)
+        csv.refuse(fmt::format("lacks the dummy {}, which shows {} the temperature", dummy, calibration.path));
     std::error_code none;
     if (settings.in != "-" && settings.out != "-" && std::filesystem::equivalent(settings.in, settings.out, none))
         throw SetupError(settings.out + ": is the input too; it would be overwritten before it is read");
@@ -168,7 +179,7 @@ int decouple(const Settings& settings) {
                    "a load, and use --tare-s\n",
                    settings.calibration);
     ForcesWriter forces(settings.out, settings.budget);
-    Tare tare(settings.tare_s, decoupler->patch() != nullptr, forces);
+    Tare tare(settings.tare_s, sensor.patch() != nullptr, forces);
     std::vector<double> channel(columns.size());
     std::optional<double> origin_s;  // subtracted from the times for the models, which must not be negative
     while (csv.next()) {
@@ -179,7 +190,6 @@ int decouple(const Settings& settings) {
             csv.refuse(fmt::format("column t_s: {} s lies before the rows above it; sort the rows by time", t_s));
         const auto t_ns = std::uint64_t(std::round((t_s - *origin_s) * 1e9));
         Reading reading{.channel = channel, .missing = 0, .saturated = 0, .t_ns = t_ns};
-        if (temperature) reading.temperature_C = csv.number(*temperature);
         for (std::size_t k = 0; k < columns.size(); ++k) {
             channel[k] = csv.number(columns[k]);
             if (std::isnan(channel[k])) reading.missing |= 1u << k;
@@ -187,8 +197,8 @@ int decouple(const Settings& settings) {
                 reading.saturated |= 1u << k;
         }
         if (array) reading.taxels = array->read(csv);
-        const Estimate estimate = decoupler->decouple(reading);
-        tare.write(t_s, estimate);
+        const Estimate estimate = sensor.judge(reading, thermometer ? csv.number(*thermometer) : kNaN);
+        tare.write(t_s, estimate, sensor.budget());
     }
     tare.end();
     forces.close();
@@ -216,6 +226,14 @@ Run add_decouple(Command verb) {
         .not_negative();
     verb.add_flag("--budget", settings->budget,
                   "also write the parts of each standard deviation and how they correlate (node/guide/uncertainty.md)");
+    verb.add_option("--temperature-from-C", settings->temperature.lowest_C,
+                    "with --temperature-to-C: temperature_range_C of the configuration");
+    verb.add_option("--temperature-to-C", settings->temperature.highest_C, "highest temperature of the rows");
+    verb.add_option("--temperature-sd-K", settings->temperature.sd_K, "temperature_sd_K of the configuration")
+        .not_negative();
+    verb.add_option("--temperature-difference-K", settings->temperature.difference_K,
+                    "temperature_difference_K of the configuration")
+        .not_negative();
     verb.add_option("--saturates-below", settings->saturates_below,
                     "a channel at or below is saturated (unit of the calibration)");
     verb.add_option("--saturates-above", settings->saturates_above,

@@ -118,11 +118,9 @@ constexpr Name kParts[] = {TACTILED_PART_TABLE(TACTILED_NAME_OF_PART_)};
 #undef TACTILED_NAME_OF_PART_
 constexpr Name kComponentBits[] = {{0, "fx"}, {1, "fy"}, {2, "fz"}};
 constexpr Name kSlipStates[] = {{0, "none", "NONE"}, {1, "incipient", "INCIPIENT"}, {2, "gross", "GROSS"}};
-constexpr Name kWeightStates[] = {{0, "none", "NONE"},
-                                  {1, "estimating", "ESTIMATING"},
-                                  {2, "stable", "STABLE"},
-                                  {3, "overload", "OVERLOAD"},
-                                  {4, "not observable", "NOT_OBSERVABLE"}};
+constexpr Name kWeightStates[] = {
+    {0, "none", "NONE"},         {1, "estimating", "ESTIMATING"},         {2, "stable", "STABLE"},
+    {3, "overload", "OVERLOAD"}, {4, "not observable", "NOT_OBSERVABLE"}, {5, "temperature", "TEMPERATURE"}};
 
 struct Fault {
     std::uint32_t reason;

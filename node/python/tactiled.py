@@ -54,12 +54,12 @@ NO_VALUE, GOOD, UNCERTAIN, BAD = range(4)  # Sample.quality
 (NO_DATA_YET, STALE, DISCONNECTED, MISSING_CHANNEL, SATURATED, DISAGREEMENT, OUTSIDE_DOMAIN, UNCALIBRATED, NOT_FINITE,
  DAEMON_STOPPED, TARING, READER_OVERRUN, WRONG_DEVICE, UNKNOWN_UNCERTAINTY, FROZEN, STEPPED, IDLE_BUS, WRONG_RATE,
  DRIFTED, SENSORS_DIFFER, UNPROVED_AGE, ARRIVAL_ONLY, ZERO_UNKNOWN, GLITCHES,
- ZERO_OLD, TOO_QUIET, NOT_REDUNDANT) = (1 << bit for bit in range(27))
+ ZERO_OLD, TOO_QUIET, NOT_REDUNDANT, TEMPERATURE) = (1 << bit for bit in range(28))
 REASON_WORDS = (  # from bit 0 on, as tactilectl prints them
     "no-data-yet", "stale", "disconnected", "missing-channel", "saturated", "disagreement", "outside-domain",
     "uncalibrated", "not-finite", "stopped", "taring", "reader-overrun", "wrong-device", "sd-unknown",
     "frozen", "stepped", "idle-bus", "wrong-rate", "drifted", "sensors-differ", "unproved-age", "arrival-only",
-    "zero-unknown", "glitches", "zero-old", "too-quiet", "not-redundant")
+    "zero-unknown", "glitches", "zero-old", "too-quiet", "not-redundant", "temperature")
 FRESHNESS = ("unknown", "request", "cable", "clock", "sequence", "arrival")  # words for Info.freshness
 AGE_UNBOUNDED = 0xFFFFFFFF  # Info.age_bound_us: that or more, or not known
 
@@ -73,7 +73,8 @@ WARNING, FAULT, RT_DEGRADED = 1 << 14, 1 << 15, 1 << 16
 
 (GRIP_OPEN, GRIP_CONTACT, GRIP_GRASPED, GRIP_LIFTING, GRIP_HOLDING, GRIP_SLIPPING, GRIP_LOST) = range(7)  # Grasp.state
 GRIP_UNKNOWN = SLIP_UNKNOWN = 0xFFFF
-WEIGHT_NONE, WEIGHT_ESTIMATING, WEIGHT_STABLE, WEIGHT_OVERLOAD, WEIGHT_NOT_OBSERVABLE = range(5)  # Grasp.weight_state
+(WEIGHT_NONE, WEIGHT_ESTIMATING, WEIGHT_STABLE, WEIGHT_OVERLOAD, WEIGHT_NOT_OBSERVABLE,
+ WEIGHT_TEMPERATURE) = range(6)  # Grasp.weight_state
 SLIP_NONE, SLIP_INCIPIENT, SLIP_GROSS = range(3)  # Grasp.slip_state
 
 STARTING, RUNNING, STOPPED, REPLACED = 1, 2, 3, 4  # the header's state

@@ -179,7 +179,7 @@ void put_grasp(Page& page, const View& view) {
     for (const std::uint32_t state : {0u, 1u, 2u, 3u, 4u, 5u, 6u, std::uint32_t(TACTILED_GRIP_UNKNOWN)})
         page.sample(label("state", ctl::grip_state_text(state)) + grasp_word, g.state == state ? 1 : 0);
     page.metric("tactiled_weight_state", "gauge", "1 for the state of the weight, with the quality of the weight.");
-    for (std::uint32_t state = 0; state <= TACTILED_WEIGHT_NOT_OBSERVABLE; ++state)
+    for (std::uint32_t state = 0; state <= TACTILED_WEIGHT_TEMPERATURE; ++state)
         page.sample(label("state", ctl::weight_state_text(state)) + weight_word, g.weight_state == state ? 1 : 0);
     page.metric("tactiled_weight_doubt", "gauge", "1 for each reason for which the weight is not stable.");
     put_bits(page, "", "kind", 8, g.weight_doubts, &ctl::doubts_text);

@@ -12,6 +12,7 @@
 
 #include "decoupling/fit/fit.hpp"
 #include "node/sensor.hpp"
+#include "node/sensor_setup.hpp"
 #include "node/setup.hpp"
 
 namespace tactiled {

@@ -123,6 +123,8 @@ def calibrate(scene_path, method, out):
                 continue
             writer.writerow([row["t_s"], *(row[c] for c in channels), *label])
     words = [word for pair in told.get("set", []) for word in ("--set", pair)]
+    if "dummy_difference_K" in told:
+        words += ["--dummy-difference-K", told["dummy_difference_K"], "--dummy-at-C", told["dummy_at_C"]]
     if "influence" in told:
         words += ["--influence", scene_path.parent / told["influence"]]
     model = told.get("model", sensor["model"])
@@ -181,7 +183,7 @@ def play(scene, effects, speed, calibrations, truths):
                      f'speed = {speed}\n\n')
         text += (f'[[sensor]]\nname = "e{i}"\nlink = "scene{link}"\ndevice = {device}\nmodel = "{model_of(calibration)}"\n'
                  f'calibration = "{calibration}"\nmethod = "{expect.get("method", "")}"\nchannels = {channels_of(table)}\n'
-                 f'stale_ms = {LATE_MS}\ntemperature_range_C = [23, 23]\n\n')
+                 f'stale_ms = {LATE_MS}\n{constant_temperature(calibration)}\n')
         end_s = min(expect.get("to_s", 1e7), max(truths[name]) / 1e6)
         last.append(math.floor(end_s * scene.rate_Hz / table.get("every", 1)))
     text += "[shm]\nhistory = 16384\n"
@@ -198,12 +200,19 @@ def play(scene, effects, speed, calibrations, truths):
     return follows
 
 
+def constant_temperature(calibration):
+    """The keys of a sensor in a scene of one temperature. A calibration with coefficients and a thermometer needs none."""
+    model = model_of(calibration)
+    sd = "temperature_sd_K = 1e-4\n" if model in ("table", "hair", "capacitive") else ""
+    return "" if "temperature" in tomllib.loads(calibration.read_text()) else f"temperature_range_C = [23, 23]\n{sd}"
+
+
 def channels_of(table):
     """The names of a frame's channels, in their order: those of drivers/sim."""
     if table["model"] == "table":
         return [f"R{k}" for k in range(1, 9)]
     if table["model"] == "hair":
-        return ["H1", "H2", "H3", "H4"]
+        return ["H1", "H2", "H3", "H4"] + (["H0"] if table.get("dummy") else [])
     return ["C1", "C2", "C3", "C4", "Cn"] + (["Vp"] if table.get("piezo_V_per_N", 1) > 0 else [])
 
 

@@ -105,13 +105,15 @@ class Check(unittest.TestCase):
         hair = hair.replace("frozen_after = 0\n", "")
         done = self.check(hair)
         self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertIn("every value is UNCERTAIN:outside-domain\n    -> temperature_range_C = [20, 24]", done.stdout)
+        self.assertIn("every value is UNCERTAIN:temperature\n    -> temperature_range_C = [20, 24]", done.stdout)
         self.assertIn("counts as dead: a coarse sensor at rest does so, too\n    -> frozen_after = 0", done.stdout)
-        cured = self.check(hair.replace("stale_ms", "temperature_range_C = [22, 22]\nfrozen_after = 0\nstale_ms"))
+        cured = self.check(hair.replace("stale_ms", "temperature_range_C = [22, 22]\ntemperature_sd_K = 0.01\nfrozen_after = 0\nstale_ms"))
         self.assertNotIn("UNCERTAIN", cured.stdout)
         self.assertNotIn("counts as dead", cured.stdout)
         found = json.loads(ctl("doctor", "--json", "--config", self.folder / "my.toml").stdout)["findings"]
         self.assertNotIn("temperature", {f["check"] for f in found})
+        self.assertIn("the standard deviation contains 0.5 K, which is so much that every value is UNCERTAIN:temperature",
+                      self.check(hair.replace("stale_ms", "temperature_range_C = [22, 22]\nstale_ms")).stdout)
         self.check(hair)
         found = json.loads(ctl("doctor", "--json", "--config", self.folder / "my.toml").stdout)["findings"]
         self.assertTrue(any(f["check"] == "temperature" and f["remedy"].startswith("temperature_range_C = ") for f in found))

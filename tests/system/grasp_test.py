@@ -22,7 +22,7 @@ from pymodbus.client import ModbusTcpClient
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "scenes"))
 from daemon import ROOT, Daemon  # noqa: E402
-from run import calibrate  # noqa: E402
+from run import calibrate, constant_temperature  # noqa: E402
 
 sys.dont_write_bytecode = True
 sys.path.insert(0, str(ROOT / "node/python"))
@@ -41,14 +41,15 @@ def mounting(turn_deg, inward):
     return [math.cos(turn) * across[0], math.cos(turn) * across[1], -math.sin(turn)]
 
 
-def config_of(path, calibration):
+def config_of(path, calibration, keys=None):
+    """keys: of each sensor, beside the default ones."""
     scene = tomllib.loads(path.read_text())
     text = f'[[link]]\nname = "scene"\ndriver = "sim"\nscene = "{path}"\n\n'
     # The scenes' arm accelerates and brakes for 0.8 s after the weight has come onto the jaws.
     grasp = '[grasp]\ngravity_G_m_s2 = [0, 0, 9.81]\nlift_accelerates_ms = 900\nobjects = "objects.toml"\n'
     for i, sensor in enumerate(scene["sensor"]):
-        text += (f'[[sensor]]\nname = "{sensor["name"]}"\nlink = "scene"\ndevice = {i}\nmodel = "hair"\ntemperature_range_C = [23, 23]\ncalibration = "{calibration}"\n'
-                 f'contact_on_N = 0.02\ncontact_off_N = 0.01\nchannels = ["H1", "H2", "H3", "H4"]\n\n')
+        text += (f'[[sensor]]\nname = "{sensor["name"]}"\nlink = "scene"\ndevice = {i}\nmodel = "hair"\n{constant_temperature(calibration) if keys is None else keys}calibration = "{calibration}"\n'
+                 f'contact_on_N = 0.02\ncontact_off_N = 0.01\n\n')
         grasp += (f'\n[[grasp.jaw]]\nsensor = "{sensor["name"]}"\nx_S_in_G = {mounting(sensor["turn_deg"], INWARD[i])}\n'
                   f'z_S_in_G = {INWARD[i]}\n')
     end_s = sum(motion.get("for_s", motion.get("in_s", 0.5)) for motion in scene["motion"])
@@ -61,10 +62,10 @@ def grasp_of(node, sequence):
     return None if record is None else tactiled.Grasp._make(tactiled._GRASP.texts(tactiled._NODE.values(record)[-2], 0))
 
 
-def watch(path, calibration):
+def watch(path, calibration, keys=None):
     """Returns the values of shared memory and Modbus over a whole scene: grasps, the mass, the number of frames in
     both, and differences."""
-    text, mass_kg, end_s = config_of(path, calibration)
+    text, mass_kg, end_s = config_of(path, calibration, keys)
     seen, same, differ = [], 0, []
     with Daemon(text) as daemon:
         daemon.start()
@@ -126,6 +127,14 @@ class Scenes(unittest.TestCase):
                 self.assertIn(tactiled.GRIP_HOLDING, states)
                 self.assertEqual(seen[-1].grasps, 1)
                 self.assertTrue(all(math.isnan(g.weight_kg) for g in seen if g.state in (tactiled.GRIP_OPEN, tactiled.GRIP_UNKNOWN)))
+
+    def test_without_a_way_to_know_the_temperature_the_state_of_the_weight_says_so(self):
+        bare = self.folder / "bare.toml"
+        calibrate(ROOT / "config/scenes/calibrate_hair_wide.toml", "matrix", bare)
+        seen, *_ = watch(ROOT / "config/scenes/grasp_egg.toml", bare, 'channels = ["H1", "H2", "H3", "H4", "-"]\n')
+        states = {g.weight_state for g in seen}
+        self.assertIn(tactiled.WEIGHT_TEMPERATURE, states)
+        self.assertEqual(states & {tactiled.WEIGHT_OVERLOAD, tactiled.WEIGHT_STABLE}, set())
 
 
 if __name__ == "__main__":

@@ -113,9 +113,10 @@ class Sensor:
     def toml(self, name, method):
         more = {"lines": f'format = "lines"\nchannels = {len(self.channels)}\nsequence = true\nchecksum = true\n',
                 "cobs": 'format = "cobs"\n'}[self.wire]
+        known = "temperature_sd_K = 1e-4\n" if self.model in ("table", "hair", "capacitive") else ""  # models that follow temperature
         units = f"counts_per_unit = {self.counts_per_unit}\n" if self.wire == "cobs" else ""
         return (f'[[link]]\nname = "usb-{name}"\ndriver = "uart"\ndevice = "{{folder}}/{name}"\nbaud = 921600\npath = "direct"\nsimulated = true\n{more}\n'
-                f'[[sensor]]\nname = "{name}"\nlink = "usb-{name}"\nmodel = "{self.model}"\ntemperature_range_C = [23, 23]\ncalibration = "{{folder}}/{name}-{method}.toml"\n'
+                f'[[sensor]]\nname = "{name}"\nlink = "usb-{name}"\nmodel = "{self.model}"\ntemperature_range_C = [23, 23]\n{known}calibration = "{{folder}}/{name}-{method}.toml"\n'
                 f'method = "{method}"\nstale_ms = 2000\n{units}\n')
 
 

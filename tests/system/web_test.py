@@ -112,7 +112,7 @@ class Metrics(WebCase):
 
     def test_a_weight_has_its_state_its_doubts_and_its_quality(self):
         states = dict(none=None, estimating="uncertain", stable="good", overload=None)
-        states["not-observable"] = None
+        states["not-observable"] = states["temperature"] = None
         for number, (state, quality) in enumerate(states.items()):
             doubts = 1 << 2 | 1 << 7 if state == "estimating" else 0
             self.node.show_grasp(state=4, weight_state=number, weight_kg=0.2 if quality else math.nan, weight_sd_kg=0.01, weight_doubts=doubts)

@@ -16,7 +16,8 @@ inline constexpr double kLastBits_N = 1e-12;
 // Reading of a channel when each force is at full scale: half the range of its converter.
 inline double half_range(const Sensor& sensor, std::size_t channel) {
     double sum = 0;
-    for (std::size_t axis = kFx; axis <= kFz; ++axis) sum += std::abs(sensor.gain[channel][axis]);
+    for (std::size_t axis = kFx; axis <= kFz; ++axis)
+        sum += std::abs(sensor.gain[sensor.is_dummy(channel) ? 0 : channel][axis]);
     return sum * sensor.full_scale_N;
 }
 
@@ -34,12 +35,14 @@ inline double others_N(const Setting& s, std::initializer_list<std::string_view>
 
 // Returns the largest change of the influence of temperature on a reading within that time, N. The heat of a body comes
 // through the skin within a time constant, or within the scene if that is shorter; the charge of a warm film may leak at any
-// rate.
+// rate. A gradient moves at the rate of its shortest period.
+inline constexpr double kGradient_1_s = 63;  // 2 pi / 0.1 s
 inline double warming_N(const Setting& s, double seconds) {
     const double length_s = std::max(double(s.samples) / s.rate_Hz, 1e-9);
     const double through_1_s = 1 / length_s + 1 / diffusion_s(s.sensor), film_1_s = 2 * through_1_s + 20;
     double sum = std::min(2.0, through_1_s * seconds) * others_N(s, {"contact_heat"}) +
-                 std::min(2.0, film_1_s * seconds) * others_N(s, {"pyroelectric"});
+                 std::min(2.0, film_1_s * seconds) * others_N(s, {"pyroelectric"}) +
+                 std::min(2.0, kGradient_1_s * seconds) * others_N(s, {"temperature_gradient"});
     if (s.extent.ambient_K > 0)
         sum += std::min(2.0, s.extent.ambient_rate_K_s / s.extent.ambient_K * seconds) *
                others_N(s, {"temperature_zero", "temperature_gain", "lead_wires", "excitation_drift"});

@@ -7,9 +7,14 @@
 namespace tactiled::sim {
 namespace {
 
+// The heat goes through the cap, beside which a dummy lies.
+Channels warmed_per_K(const Setting& s) {
+    return per_channel(s, [&](std::size_t k) { return s.sensor.is_dummy(k) ? 0 : drift_per_K(s, s.p[1], s.p[2], k); });
+}
+
 // The slowest mode of diffusion to the depth of the gauges: T' = (share * touch * (body - ambient) - T) / tau.
 std::unique_ptr<Effect> make(const Setting& s) {
-    const Channels per_K = per_channel(s, [&](std::size_t k) { return drift_per_K(s, s.p[1], s.p[2], k); });
+    const Channels per_K = warmed_per_K(s);
     return each_sample([channels = s.sensor.n(), share = s.p[0],
                         approach = -std::expm1(-1 / (s.rate_Hz * diffusion_s(s.sensor))), scale_N = touch_scale_N(s.sensor),
                         per_K, warmer_K = 0.0](Block& block, std::size_t n) mutable {
@@ -24,7 +29,8 @@ std::unique_ptr<Effect> make(const Setting& s) {
 Bound bound(const Setting& s) {
     const double reached = -std::expm1(-(double(s.samples) + 1) / (s.rate_Hz * diffusion_s(s.sensor)));
     const double body_K = s.p[0] * s.extent.body_K * reached, scale_N = touch_scale_N(s.sensor);
-    const Channels per_touch = per_channel(s, [&](std::size_t k) { return drift_per_K(s, s.p[1], s.p[2], k) * body_K; });
+    Channels per_touch = warmed_per_K(s);
+    for (double& change : per_touch) change *= body_K;
     const double whole = s.sensor.largest_N(per_touch);
     const double change_N = whole * touch(max(s, kFz), scale_N);
     return {.change_N = change_N, .gain = 1 + whole / scale_N * load_of_error(s.sensor, kFz), .own_N = change_N};

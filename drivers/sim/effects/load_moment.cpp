@@ -13,8 +13,9 @@ struct Lever {
 };
 
 Lever lever(const Sensor& sensor, std::size_t k) {
+    if (sensor.is_dummy(k)) return {0, 0};
     if (sensor.model == Model::hair) {
-        constexpr double kAt[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
+        constexpr double kAt[HairSample::kHairs][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
         const double of = sensor.gain[k][kFz] * lever_1_m(sensor.hair);
         return {of * kAt[k][0], of * kAt[k][1]};
     }

@@ -50,7 +50,9 @@ unsigned channels_of_frame(const Config& config, const std::string& link_name) {
 
 void look_at_channels(const Config& config, const SensorSettings& sensor, const tactiled_sensor& entry, Findings& found) {
     const unsigned sent = channels_of_frame(config, sensor.link);
-    const std::size_t expected = sensor.channels.empty() ? entry.n_channels : sensor.channels.size();
+    Problems ignored;
+    const bool has_dummy = !load_calibration(sensor.calibration, ignored).temperature.dummy.empty();
+    const std::size_t expected = sensor.channels.empty() ? entry.n_channels + (has_dummy ? 1 : 0) : sensor.channels.size();
     if (sent != 0 && sent != expected)
         found.wrong("channels",
                     fmt::format("sensor \"{}\": a frame of link \"{}\" has {} channels, {} has {}: every sample would be "
@@ -75,13 +77,13 @@ std::string channels_that_may_freeze(const SensorSettings& s, bool noisy) {
     return unknown.empty() ? "" : fmt::format("channel {}, still in the calibration, that", fmt::join(unknown, " "));
 }
 
-// Returns true if the estimate without a load is UNCERTAIN although no temperature is declared or measured.
+// Returns true if the temperature makes the estimate without a load UNCERTAIN where none is measured.
 bool is_uncertain_at_rest(const SensorSettings& s, const Calibration& calibration) {
     DecouplerFault fault;
     const auto decoupler = make_decoupler(calibration, s.method == "auto" ? "" : s.method, 0, fault);
     if (decoupler == nullptr || calibration.zero.size() != calibration.channels.size()) return false;
-    decoupler->set_temperature({s.temperature_range_C[0], s.temperature_range_C[1], s.temperature_difference_K});
-    return decoupler->decouple({.channel = calibration.zero}).quality() == TACTILED_UNCERTAIN;
+    decoupler->set_temperature(temperature_in_use(s));
+    return (decoupler->decouple({.channel = calibration.zero}).reasons & TACTILED_TEMPERATURE) != 0;
 }
 
 // Reports what the temperature of a model can do that the calibration does not know, and a thermometer that may stand still.
@@ -89,19 +91,26 @@ void look_at_temperature(const SensorSettings& s, const tactiled_sensor& entry, 
     Problems ignored;
     const Calibration calibration = load_calibration(s.calibration, ignored);
     const bool is_declared = std::isfinite(s.temperature_range_C[0]);
+    const bool has_none = s.temperature.empty() && s.temperature_of.empty() && calibration.temperature.dummy.empty();
     const auto advise = [&](const std::string& says, const std::string& remedy) {
         found.advice("temperature", fmt::format("sensor \"{}\": {}", s.name, says), remedy);
     };
-    if (temperature_effect(calibration) != nullptr && !is_declared)
-        advise(fmt::format("model \"{}\" follows temperature, and the calibration does not know by how much: the standard "
-                           "deviation contains {:g} K{}",
-                           entry.model, kRoom_K,
-                           is_uncertain_at_rest(s, calibration)
-                               ? ", which is so much that every value is UNCERTAIN:outside-domain"
-                               : ""),
-               "temperature_range_C = [20, 24]  # lowest and highest in use, equal if the electronics compensate it; or "
-               "calibrate with temperature_C over at least 2 K");
-    if (!calibration.temperature.zero_per_K.empty() && s.temperature.empty() && s.temperature_of.empty())
+    if (const TemperatureEffect* const effect = temperature_effect(calibration); effect != nullptr) {
+        const bool is_uncertain = is_uncertain_at_rest(s, calibration);
+        const double width_K = is_declared ? s.temperature_range_C[1] - s.temperature_range_C[0] : kRoom_K;
+        const double sd_K = std::hypot(width_K, std::isfinite(s.temperature_sd_K) ? s.temperature_sd_K : kUnstated_K);
+        if (is_uncertain || !is_declared)
+            advise(
+                fmt::format("model \"{}\" follows temperature, and the calibration does not know by how much: the standard "
+                            "deviation contains {:.3g} K{}",
+                            entry.model, sd_K,
+                            is_uncertain ? ", which is so much that every value is UNCERTAIN:temperature" : ""),
+                fmt::format("temperature_range_C = [20, 24]  # lowest and highest in use; temperature_sd_K = 0.1: how well "
+                            "they are known; or calibrate with {}",
+                            effect->dummy.empty() ? "temperature_C over at least 2 K"
+                                                  : fmt::format("a dummy, column {}", effect->dummy)));
+    }
+    if (!calibration.temperature.zero_per_K.empty() && has_none)
         advise("the calibration takes temperature off, but the sensor has none",
                "temperature = the name in `channels`, or temperature_of = another sensor");
     if (!s.temperature.empty() && s.temperature_frozen_after <= 0)

@@ -87,7 +87,8 @@ enum tactiled_reason {
     TACTILED_ZERO_OLD = 1 << 24,  /* the standard deviation of the zero is above 10 % of a component's full scale */
     TACTILED_TOO_QUIET = 1 << 25, /* less noise than in the calibration: another range, unit, order of bytes or firmware */
     /* Since 1.9: */
-    TACTILED_NOT_REDUNDANT = 1 << 26 /* a damaged channel stays undetected more often than undetected_damage_limit allows */
+    TACTILED_NOT_REDUNDANT = 1 << 26, /* a damaged channel stays undetected more often than undetected_damage_limit allows */
+    TACTILED_TEMPERATURE = 1 << 27    /* unknown or outside its range: it may move a component by 10 % of full scale */
 };
 
 /* ---- verdict ----
@@ -146,8 +147,10 @@ enum tactiled_use {
     X(GLITCHES, "glitches", TACTILED_UNCERTAIN, 23, "GLITCHES", TACTILED_ZC_, "single wrong values, more than 1 % of them", \
       "check the wires, the shield and the supply; ask a device no faster than it measures")                                \
     X(OUTSIDE_DOMAIN, "outside-domain", TACTILED_UNCERTAIN, 11, "OUTSIDE_DOMAIN", TACTILED_FOR_ZERO | TACTILED_FOR_WEIGHT,  \
-      "outside the calibrated domain",                                                                                      \
-      "reduce the load; without a load tare it, or declare the temperature (tactilectl check has the line)")                \
+      "outside the calibrated domain", "reduce the load; without a load tare it")                                           \
+    X(TEMPERATURE, "temperature", TACTILED_UNCERTAIN, 27, "TEMPERATURE", TACTILED_FOR_ZERO | TACTILED_FOR_WEIGHT,           \
+      "temperature: unknown, or outside its range",                                                                         \
+      "mount a dummy or a thermometer, or declare how well the temperature is known (tactilectl check has the line)")       \
     X(TOO_QUIET, "too-quiet", TACTILED_UNCERTAIN, 25, "TOO_QUIET", 0,                                                       \
       "less noise than in its calibration: another range, unit, order of bytes or firmware",                                \
       "restore the settings of the device and restart the daemon, or calibrate it again; if it may be so quiet, write "     \
@@ -361,8 +364,9 @@ enum tactiled_weight_state {
     TACTILED_WEIGHT_NONE = 0,
     TACTILED_WEIGHT_ESTIMATING = 1, /* a value that still changes, with its standard deviation */
     TACTILED_WEIGHT_STABLE = 2,
-    TACTILED_WEIGHT_OVERLOAD = 3,      /* a sensor is saturated or beyond its full scale: no value */
-    TACTILED_WEIGHT_NOT_OBSERVABLE = 4 /* gravity points into the skin, or its direction is unknown: no value */
+    TACTILED_WEIGHT_OVERLOAD = 3,       /* a sensor is saturated or beyond its full scale: no value */
+    TACTILED_WEIGHT_NOT_OBSERVABLE = 4, /* gravity points into the skin, or its direction is unknown: no value */
+    TACTILED_WEIGHT_TEMPERATURE = 5     /* a sensor is TACTILED_TEMPERATURE: no value. Since 1.9 */
 };
 
 /* Reasons for which the weight of a held object is not stable: bits of tactiled_grasp.weight_doubts. Since 1.6. */

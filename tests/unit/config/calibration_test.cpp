@@ -209,6 +209,10 @@ TEST(Calibration, RefusesWhatDoesNotFitTogether) {
         {with("matrix = [1, 2]", "matrix"), "matrix[0] = 1 is an integer, should be an array of numbers"},
         {with("sd = [1]"), "sd has 1 entries, should have 2"},
         {with("sd = [1, -1]"), "sd[1] = -1 is outside 0 .. 1e+300"},
+        {with("sd = [1, 0]"),
+         "sd[1] = 0: no sensor is without an error; give one standard deviation in N or Nm above 0, or delete sd if it is "
+         "not "
+         "known (then UNCERTAIN)"},
         {with("full_scale = [1, 2, 3]"), "full_scale has 3 entries, should have 2"},
         {with("channel_least = [0, 0]"), "channel_least and channel_most belong together: give both or none"},
         {with("channel_least = [0, 5]\nchannel_most = [0, 4]"), "channel_most[1] = 4 is below channel_least[1] = 5"},

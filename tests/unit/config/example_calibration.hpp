@@ -22,7 +22,7 @@ inline Calibration example() {
     c.matrix = {{1.0 / 3, -0.0, 5e-324}, {1e300, -1e300, std::nextafter(1.0, 2.0)}};
     c.parameters = {{"noise", 1e-6}, {"tangential_inner", 0.25}};
     c.zero_drift = {0.01, 0, 1.0 / 3};
-    c.sd = {0.01, 0};
+    c.sd = {0.01, 0.02};
     c.held_out_rms = {0.2, 1e-9};
     c.full_scale = {10, 20.5};
     c.condition = 12.75;

@@ -76,6 +76,17 @@ TEST(GraspWeight, BeyondFullScaleOrCalibrationThereIsNone) {
     }
 }
 
+TEST(GraspWeight, WithoutATemperatureThereIsNoneAndTheStateNamesIt) {
+    Hand hand;
+    hand.spoil = [](std::size_t, JawSample& s) { s.reasons |= TACTILED_TEMPERATURE; };
+    hand.close().lift(0.2);
+    EXPECT_EQ(hand.now().weight_state, TACTILED_WEIGHT_TEMPERATURE);
+    EXPECT_TRUE(std::isnan(hand.now().weight_kg));
+    hand.spoil = [](std::size_t j, JawSample& s) { s.reasons |= j == 0 ? TACTILED_TEMPERATURE : TACTILED_SATURATED; };
+    hand.stay(0.02);
+    EXPECT_EQ(hand.now().weight_state, TACTILED_WEIGHT_OVERLOAD);
+}
+
 TEST(GraspWeight, AReleaseDuringEstimationLeavesNoWeight) {
     Hand hand;
     hand.close().go(0.1, 2, 1).stay(0.05);

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <string>
+#include <vector>
 
 #include "tactiled/reader.h"
 #include "tests/unit/config/folder.hpp"
@@ -111,6 +112,63 @@ TEST(Setup, TheDirectoryHasTheWorstKindOfDamageAndItsWorstChannel) {
     EXPECT_STREQ(kDamageKinds[TACTILED_DAMAGE_ZERO].key, "zero");
     (void)reasons("", "", &undetected);
     EXPECT_TRUE(std::isnan(undetected.mean));
+}
+
+// c1 follows temperature by 1 N/K, the dummy by 0.5 /K from 1.
+constexpr char kDummy[] =
+    "temperature.reference_C = 23.0\ntemperature.range_C = [10.0, 40.0]\ntemperature.zero = [0.0, 0.0, 0.0]\n"
+    "temperature.zero_per_K = [1.0, 0.0, 0.0]\ntemperature.gain_per_K = [0.0, 0.0, 0.0]\ntemperature.dummy = \"D\"\n"
+    "temperature.dummy_zero = 1.0\ntemperature.dummy_per_K = 0.5\ntemperature.dummy_difference_K = 0.01\n";
+
+// Returns the last of some samples with c1 = 3, and D = 2 or without a value.
+tactiled_sample with_dummy(const std::string& key, double dummy, std::vector<std::string>* refused = nullptr) {
+    const test::Folder folder;
+    (void)folder.write("unit.toml", test::unit_calibration() + kDummy);
+    Problems problems;
+    Node node = load_node(folder.write("tactiled.toml", kConfig + key), problems);
+    if (refused != nullptr) *refused = problems.lines();
+    if (!problems.empty()) return {};
+    Sensor& sensor = node.sensors.front();
+    sensor.start(7, 0);
+    tactiled_sample last{};
+    for (std::uint64_t t_ns = kMs; t_ns <= 20 * kMs; t_ns += kMs) {
+        Frame frame;
+        frame.t_ns = t_ns;
+        frame.n_channels = 4;
+        frame.channel = {3, 0, 0, dummy};
+        if (std::isnan(dummy)) frame.missing = 8;
+        last = sensor.sample(frame, t_ns);
+    }
+    return last;
+}
+
+TEST(Setup, ADummyIsTheThermometerInTheScaleOfItsCalibration) {
+    for (const char* key : {"", "channels = [\"c1\", \"c2\", \"c3\", \"D\"]\n"}) {
+        const tactiled_sample good = with_dummy(key, 2), none = with_dummy(key, std::nan(""));
+        EXPECT_EQ(good.temperature_C, 25) << key;
+        EXPECT_DOUBLE_EQ(good.force_S_N[0], 1) << key;
+        EXPECT_EQ(good.quality, std::uint32_t(TACTILED_GOOD)) << key << good.reasons;
+        EXPECT_NE(none.reasons & TACTILED_TEMPERATURE, 0u) << key;
+    }
+}
+
+TEST(Setup, ADummyThatIsNotInTheFrameOrHasAThermometerBesideItIsRefused) {
+    std::vector<std::string> refused;
+    (void)with_dummy("channels = [\"c1\", \"c2\", \"c3\", \"-\"]\n", 2, &refused);
+    ASSERT_EQ(refused.size(), 1u);
+    EXPECT_NE(refused[0].find("needs its dummy \"D\"; channels = [c1, c2, c3, -] lacks it"), refused[0].npos) << refused[0];
+    (void)with_dummy("channels = [\"c1\", \"c2\", \"c3\", \"D\"]\ntemperature = \"D\"\n", 2, &refused);
+    ASSERT_EQ(refused.size(), 1u);
+    EXPECT_NE(refused[0].find("temperature = \"D\": the temperature is that of the dummy"), refused[0].npos) << refused[0];
+}
+
+TEST(Setup, KnowledgeOfATemperatureWithoutCoefficientsIsRefused) {
+    const test::Folder folder;
+    (void)folder.write("unit.toml", test::unit_calibration());
+    Problems problems;
+    (void)load_node(folder.write("tactiled.toml", std::string(kConfig) + "temperature_sd_K = 0.1\n"), problems);
+    ASSERT_EQ(problems.lines().size(), 1u);
+    EXPECT_NE(problems.lines()[0].find("temperature_sd_K = 0.1: neither"), std::string::npos) << problems.lines()[0];
 }
 
 }  // namespace

@@ -56,7 +56,8 @@ const std::map<std::uint32_t, std::uint32_t> kBest{{TACTILED_NO_DATA_YET, TACTIL
                                                    {TACTILED_GLITCHES, TACTILED_UNCERTAIN},
                                                    {TACTILED_ZERO_OLD, TACTILED_UNCERTAIN},
                                                    {TACTILED_TOO_QUIET, TACTILED_UNCERTAIN},
-                                                   {TACTILED_NOT_REDUNDANT, TACTILED_UNCERTAIN}};
+                                                   {TACTILED_NOT_REDUNDANT, TACTILED_UNCERTAIN},
+                                                   {TACTILED_TEMPERATURE, TACTILED_UNCERTAIN}};
 
 TEST(Verdict, EachReasonHasQualityAndWords) {
     std::set<std::uint32_t> reasons;

@@ -167,6 +167,36 @@ TEST(ContactHeat, DiffusesThroughAMillimetreInPoint92s) {
     EXPECT_EQ(without({.body_K = 10}).channel[0], 0);
 }
 
+TEST(Dummy, FollowsTheRoomAndNoLoadAndNoBody) {
+    AtWork hair("hair", {"temperature_zero", "contact_heat"}, "dummy = true",
+                "[effects.temperature_zero]\nmismatch = 0.01\n[effects.contact_heat]\nmismatch = 0\n");
+    ASSERT_EQ(hair.sensor().channels.back(), "H0");
+    Moment touch = press(0.05);
+    touch.body_K = touch.ambient_K = 2;
+    const Reading room = hair(touch);
+    EXPECT_NEAR(room.channel[4], 2 * 3e-3, 4 * 0.01 * 2 * 3e-3);
+    EXPECT_NE(room.channel[4], 2 * 3e-3);  // a coefficient of its own
+    touch.ambient_K = 0;
+    touch.body_K = 10;
+    const auto warmed = hair.run(std::vector<Moment>(5'000, touch));
+    EXPECT_EQ(warmed.back().channel[4], 0);
+    EXPECT_GT(warmed.back().channel[0] - warmed.front().channel[0], 1e-3);
+}
+
+TEST(TemperatureGradient, GivesEachHairAndTheDummyATemperatureOfItsOwn) {
+    AtWork hair("hair", {"temperature_gradient"}, "dummy = true",
+                "[effects.temperature_gradient]\ndifference_K = 0.1\nperiod_s = 2\nmismatch = 0\n");
+    double most_K = 0;
+    for (const Reading& r : hair.run(std::vector<Moment>(4'000, press(0)))) {
+        for (std::size_t k = 0; k < 4; ++k) {
+            const double difference_K = std::abs(r.channel[k] - r.channel[4]) / 3e-3;
+            EXPECT_LE(difference_K, 0.1 * (1 + 1e-12));
+            most_K = std::max(most_K, difference_K);
+        }
+    }
+    EXPECT_GT(most_K, 0.03);
+}
+
 TEST(Humidity, SwellsPolyimideBy9ppmAPercent) {
     AtWork table("table", {"humidity"}, "sample = \"foil\"", "[effects.humidity]\nchange_percent = 10\ntime_s = 1\n");
     const auto r = table.run(std::vector<Moment>(20'000, press(0)));

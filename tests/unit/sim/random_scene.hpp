@@ -116,6 +116,7 @@ inline RandomScene random_scene() {
     if (*rc::gen::inRange(0, 5) == 0)
         s.head += fmt::format("array = [{}, {}]\npitch_m = {}\n", *rc::gen::inRange(1, 3), *rc::gen::inRange(1, 3),
                               between(3e-4, 3e-3));
+    if (s.model == "hair" && *rc::gen::inRange(0, 3) == 0) s.head += "dummy = true\n";
     if (s.model == "table" && *rc::gen::inRange(0, 50) == 0)  // reading the map takes longer than running the scene
         s.head += "influence = \"" TACTILED_SOURCE_DIR "/config/calibration/table_influence.toml\"\n";
     s.motions.push_back(fmt::format("do = \"press\"\nto_N = {}\nin_s = {}\n", between(0, full_N), between(0.01, 0.5)));

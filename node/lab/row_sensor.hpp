@@ -1,0 +1,43 @@
+// The rows of a file as the daemon's sensor judges them: the checks of the stream, the jumps, the ageing of the zero and the
+// temperature are those of node/sensor.hpp.
+#pragma once
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "decoupling/decoupler.hpp"
+#include "node/sensor.hpp"
+
+namespace tactiled::ctl {
+
+// Keys of a [[sensor]] that a file does not show.
+struct RowKeys {
+    std::string method;
+    double budget_us = 10, delay_ms = 0;
+    std::array<double, 2> saturates_at{};  // calibrated unit
+    TemperatureInUse temperature{};
+    bool has_tare = false;  // the zero is taken from the file, so that the calibration needs no tare
+};
+
+class RowSensor {
+public:
+    // setup: throws SetupError where a key or the calibration is wrong
+    RowSensor(const Calibration& calibration, const RowKeys& keys);
+
+    // The model of an array, nullptr if the sensor is none.
+    [[nodiscard]] Patch* patch() const noexcept { return sensor_->patch(); }
+    // Returns the estimate of the model with quality, reasons and standard deviation of the sample. `thermometer`: of the
+    // row, the reading of a dummy or degC; NaN = unknown. A row that comes later than stale_ms has no row before it that
+    // could contradict it.
+    [[nodiscard]] Estimate judge(const Reading& reading, double thermometer);
+
+    // Returns the parts of the standard deviation of the last row.
+    [[nodiscard]] const tactiled_budget& budget() const noexcept { return sensor_->placed().budget; }
+
+private:
+    std::optional<Sensor> sensor_;
+    std::uint64_t stale_ns_ = 0, last_ns_ = 0;
+};
+
+}  // namespace tactiled::ctl
