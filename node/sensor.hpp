@@ -168,7 +168,8 @@ public:
     void reset_peak() noexcept { peak_N_ = 0; }
 
     [[nodiscard]] const tactiled_sample& last() const noexcept { return placed_.sample; }
-    // Returns the estimate of the last frame that was not late, before checks of the stream, zero and low pass. rt: wait-free
+    // Returns the estimate of the last frame that was not late, before checks of the stream, zero and low pass. rt:
+    // wait-free
     [[nodiscard]] const Estimate& estimate() const noexcept { return estimate_; }
     // Returns the record of the last sample. rt: wait-free
     [[nodiscard]] const tactiled_placed& placed() const noexcept { return placed_; }
