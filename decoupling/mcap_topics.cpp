@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kMagic_bytes = 8, kHead_bytes = 9, kFooter_bytes = 20;
 constexpr unsigned char kFooter = 2, kChannel = 4;
-constexpr int kMaxRecords = 10'000;  // of the start of a file without a summary
+constexpr int kMaxRecords = 10'000;  // in the start of a file without a summary
 constexpr std::uint64_t kLongestTopic = 256;
 
 std::uint64_t number(const char* bytes, std::size_t n) {

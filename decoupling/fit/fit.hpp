@@ -30,7 +30,7 @@ struct FitRequest {
     // sd of each channel's zero in use, relative to its width; none: from the sessions
     std::optional<double> zero_drift = {};
     bool keep_outliers = false;  // suspected labels are named and kept
-    Temperature dummy = {};      // of take_dummy(); its name is empty if the sensor has none
+    Temperature dummy = {};      // from take_dummy(); its name is empty if the sensor has none
     // A reading of a channel at or beyond these is at its saturation limit; its row is not used.
     double saturates_below = -std::numeric_limits<double>::infinity();
     double saturates_above = std::numeric_limits<double>::infinity();

@@ -37,7 +37,7 @@ struct Seen {
     Axes axes;                 // principal components of all rows
     double next_session = 0;   // variance of another session over that of the held-out ones, less 1
     std::size_t loads = 0;
-    std::vector<std::vector<Eigen::Index>> unseen{}, others{};  // of each group: its rows, and all others
+    std::vector<std::vector<Eigen::Index>> unseen{}, others{};  // its rows, and all others, of each group
     std::vector<Axes> axes_of_others{};
 };
 

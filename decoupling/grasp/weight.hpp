@@ -130,7 +130,7 @@ private:
         Rest rest;
         bool errs_by_gain = false;
         std::uint64_t t_ns = 0;                                // time of the newest sample
-        tactiled_weight_state refusal = TACTILED_WEIGHT_NONE;  // of the samples of this block
+        tactiled_weight_state refusal = TACTILED_WEIGHT_NONE;  // from the samples of this block
         bool blind = false;                                    // the newest sample has no value along the axis
     };
     std::array<Jaw, kMaxJaws> jaws_;
@@ -156,7 +156,7 @@ private:
     std::size_t newest_ = 0, n_ = 0;
     std::uint64_t block_ns_ = 0;
 
-    tactiled_weight_state refusal_ = TACTILED_WEIGHT_NONE;  // of the last block
+    tactiled_weight_state refusal_ = TACTILED_WEIGHT_NONE;  // from the last block
     bool weighing_ = false, held_known_ = false;
     struct {
         bool done = false;
