@@ -164,6 +164,7 @@ private:
     double slope_ = 0, drift_ = 0;                   // rate of the offset, and its uncertainty
     Anchor first_, second_;
     double period_ns_ = 0, frames_ = 0;  // mean interval of the frames, and how many it is from
+    double paused_at_ns_ = kNone_ns;     // x before a pause that made a doubt, until x is there again
     double counted_ = 0;                 // frames
     Count last_, base_;                  // the last proof, and the first one since which the interval is the same
     double span_interval_ns_ = 0;        // mean interval between the last two proofs; 0: not measured
@@ -198,11 +199,13 @@ inline double StreamAge::step_by_number(const Frame& frame, double step_ns) noex
     const double excess_ns = step_ns - advance_ns;
     const bool is_pause = excess_ns > stale_ns_ || x_ > up_ + kFirst_ns;
     const bool is_learned = frames_ * period_ns_ > kLearn_ns;
-    // Neither a pause that makes a doubt nor the frames that end it are the device's rate.
     const bool is_regular = std::abs(excess_ns) < advance_ns / 2 || !is_learned;
+    // Neither a pause that makes a doubt nor the frames that end it are the device's rate: all of them, or the interval is
+    // too small after the pause and x rises without a lag.
+    if (x_ <= paused_at_ns_ + kFirst_ns) paused_at_ns_ = kNone_ns;
+    if (!is_regular && x_ + excess_ns - up_ + error_ns() >= stale_ns_) paused_at_ns_ = std::min(paused_at_ns_, x_);
     // A queue that grows stretches the interval of arrivals, but not that between proofs.
-    if (!is_opened_ && span_interval_ns_ <= 0 && (is_regular || x_ + excess_ns - up_ + error_ns() < stale_ns_))
-        learn(step_ns, frames);
+    if (!is_opened_ && span_interval_ns_ <= 0 && (is_regular || paused_at_ns_ == kNone_ns)) learn(step_ns, frames);
     return is_learned || is_pause || is_opened_ ? advance_ns : step_ns;
 }
 
@@ -216,6 +219,7 @@ inline void StreamAge::learn(double step_ns, double frames) noexcept {
 inline void StreamAge::begin_again(double error_ns) noexcept {
     up_ = low_ = x_;
     release();
+    paused_at_ns_ = kNone_ns;
     doubt_ns_ = error_ns;
     first_ = {time_ns_, x_};
     second_ = {};
