@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <iterator>
 #include <map>
 #include <span>
 #include <utility>
@@ -10,109 +10,116 @@
 namespace tactiled {
 namespace {
 
-constexpr double kWithinOne = 0.6827;  // share of normal errors within one standard deviation
-// Other shares of normal errors, the corresponding number of standard deviations, and the minimum number of errors for a
-// quantile that does not depend on a single row.
+// Shares of normal errors, the corresponding number of standard deviations, and the minimum number of loads for a quantile
+// that does not depend on a single one.
 struct Tail {
-    double share, sds;
-    std::size_t errors;
+    double share, sds, loads;
 };
-constexpr Tail kTails[] = {{kWithinOne, 1, kMinErrors}, {0.95, 1.96, 40}, {0.99, 2.576, 200}};
+constexpr Tail kTails[] = {{0.6827, 1, 0}, {0.95, 1.96, 40}, {0.99, 2.576, 200}};
 constexpr std::size_t kRowsOfAGroup = 10;  // minimum number of rows of a group whose root mean square counts
-// Slopes of Shape.
-constexpr double kSlopes[] = {0, 0.5, 1, 2, 4, 8, 16, 32};
-constexpr double kLoadSlopes[] = {0, 0.5, 1, 2, 4, 8};  // limited, because few rows are at rest: the sd at rest is at least
-                                                        // a ninth
-constexpr double kUnloadings[] = {0, 0.5, 1, 2, 4, 8};
 // Unloading counts if it makes the standard deviations this much smaller: less may be chance.
 constexpr double kWorth = 0.95;
-// The shape is chosen by so many errors, evenly from all; its scale is that of all. The 99 % quantile of 10,000 normal
-// errors has a standard error of 1.3 %.
-constexpr std::size_t kMaxErrorsOfShape = 10'000;
+// A part below this share of the variance of every row changes no standard deviation by more than 2.5 %, and is left out.
+constexpr double kNoPart = 0.05;
+constexpr int kSteps = 200;
+// The parts are in the ratio that so many errors give, evenly from all; their size is that of all.
+constexpr std::size_t kMaxErrorsOfShape = 5'000;
 
-double size(const Error& error, const Shape& shape) {
-    return std::sqrt(1 + shape.slope * shape.slope * error.share + shape.load * shape.load * error.load +
-                     shape.unloading * shape.unloading * error.below_peak);
+double variance(const Error& error, const Parts& parts) {
+    double sum = 0;
+    for (std::size_t k = 0; k < kParts; ++k) sum += parts[k] * error.square[k];
+    return sum;
 }
 
-// An error in units of its shape, and the shape's size.
+// A step towards the largest likelihood of normal errors over the parts that are not 0. It multiplies each part by the ratio
+// of the two sides of its equation, so that none becomes negative. `before`: the mean square, which one load at rest is
+// taken to have besides those of the recording, so that the constant is small only if there are rests with small errors.
+void step(const Errors& errors, double before, Parts& parts) {
+    Parts of_errors{2 * before / parts[kConstant] / parts[kConstant]}, of_variances{2 / parts[kConstant]};
+    const std::size_t each = (errors.plain.size() - 1) / kMaxErrorsOfShape + 1;
+    for (const auto* of : {&errors.plain, &errors.tared})
+        for (std::size_t i = 0; i < of->size(); i += each) {
+            const Error& error = (*of)[i];
+            const double inverse = 1 / variance(error, parts), weight = double(each) * error.weight * inverse;
+            const double ratio = error.size * error.size * inverse;
+            for (std::size_t k = 0; k < kParts; ++k) {
+                of_errors[k] += weight * error.square[k] * ratio;
+                of_variances[k] += weight * error.square[k];
+            }
+        }
+    for (std::size_t k = 0; k < kParts; ++k)
+        if (of_variances[k] > 0) parts[k] *= of_errors[k] / of_variances[k];
+}
+
+double mean_square(const std::vector<Error>& errors) {
+    double sum = 0, loads = 0;
+    for (const Error& error : errors) sum += error.weight * error.size * error.size, loads += error.weight;
+    return sum / loads;
+}
+
+Parts likeliest(const Errors& errors, const Allowed& allowed) {
+    const double mean = (mean_square(errors.plain) + mean_square(errors.tared)) / 2;
+    if (!(mean > 0)) return {};
+    Parts parts{mean, mean, allowed.load ? mean : 0, allowed.unloading ? mean : 0};
+    for (int i = 0; i < kSteps; ++i) step(errors, mean, parts);
+    for (std::size_t k = kSlope; k < kParts; ++k) {
+        double share = 0;
+        for (const Error& error : errors.plain) share = std::max(share, parts[k] * error.square[k] / variance(error, parts));
+        if (share < kNoPart) parts[k] = 0;
+    }
+    return parts;
+}
+
+// An error in units of its standard deviation, that, and the error's weight.
 struct Ratio {
-    double size, ratio;
+    double ratio, sd, weight;
 };
 
-// Returns the value of s that has `tail.share` of the errors within `tail.sds` standard deviations. Reorders `ratios`.
-double scale_for(std::span<Ratio> ratios, const Tail& tail) {
-    const auto at = std::min(ratios.size() - 1, std::size_t(std::ceil(tail.share * double(ratios.size()))));
-    std::nth_element(ratios.begin(), ratios.begin() + std::ptrdiff_t(at), ratios.end(),
-                     [](const Ratio& a, const Ratio& b) { return a.ratio < b.ratio; });
-    return ratios[at].ratio / tail.sds;
+double loads_of(std::span<const Ratio> ratios) {
+    double loads = 0;
+    for (const Ratio& each : ratios) loads += each.weight;
+    return loads;
 }
 
-std::vector<Ratio> ratios_of(const std::vector<Error>& errors, const Shape& shape) {
+// Returns the smallest factor of the standard deviations that is valid for the errors, which are reordered.
+double scale_for(std::span<Ratio> ratios) {
+    std::sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.ratio < b.ratio; });
+    const double loads = loads_of(ratios);
+    double needed = 0, below = 0;
+    std::size_t at = 0;
+    for (const Tail& tail : kTails) {
+        if (loads < tail.loads) break;
+        while (at + 1 < ratios.size() && below + ratios[at].weight < tail.share * loads) below += ratios[at++].weight;
+        needed = std::max(needed, ratios[at].ratio / tail.sds);
+    }
+    return needed;
+}
+
+// Returns the smallest factor that is valid for the errors, and for each quarter of them from the smallest to the largest
+// standard deviation that has enough loads for all quantiles: errors under light loads are few among all.
+double scale_for(const std::vector<Error>& errors, const Parts& parts) {
     std::vector<Ratio> ratios;
     for (const Error& error : errors) {
-        const double of_shape = size(error, shape);
-        ratios.push_back({of_shape, error.size / of_shape});
+        const double sd = std::sqrt(variance(error, parts));
+        ratios.push_back({error.size / sd, sd, error.weight});
     }
-    return ratios;
-}
-
-// Returns the smallest s that is valid for all `ratios`, which are reordered.
-double scale_for(std::span<Ratio> ratios) {
+    std::stable_sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.sd < b.sd; });
     double needed = 0;
-    for (const Tail& tail : kTails)
-        if (ratios.size() >= tail.errors) needed = std::max(needed, scale_for(ratios, tail));
-    return needed;
+    if (ratios.front().sd < ratios.back().sd)
+        for (std::size_t i = 0, n = ratios.size(); i < 4; ++i) {
+            const std::span<Ratio> quarter(&ratios[i * n / 4], (i + 1) * n / 4 - i * n / 4);
+            if (loads_of(quarter) >= std::rbegin(kTails)->loads) needed = std::max(needed, scale_for(quarter));
+        }
+    return std::max(needed, scale_for(ratios));
 }
 
-// Returns the smallest s that is valid for all `ratios` and for the first `loaded` of them: a recording that rests most of
-// the time would otherwise state the errors at rest. Reorders `ratios`.
-double scale_for_all_and(std::size_t loaded, std::span<Ratio> ratios) {
-    const double of_loaded = scale_for(ratios.first(loaded));
-    return std::max(of_loaded, scale_for(ratios));
-}
-
-// Returns true if the smallest s that is valid for all `ratios` is not below `limit`: counting is faster than sorting.
-bool exceeds_limit(std::span<const Ratio> ratios, double limit) {
-    for (const Tail& tail : kTails) {
-        if (ratios.size() < tail.errors) continue;
-        std::size_t below = 0;
-        for (const Ratio& each : ratios) below += each.ratio < limit * tail.sds ? 1 : 0;
-        if (double(below) <= std::ceil(tail.share * double(ratios.size()))) return true;
-    }
-    return false;
-}
-
-// Returns the smallest s that is valid for each quarter of `ratios`, from the smallest to the largest standard deviation, so
-// that a shape that is too small for light loads is no gain. Reorders `ratios`.
-double scale_for_quarters(std::span<Ratio> ratios) {
-    const std::size_t n = ratios.size(), half = n / 2;
-    const auto split = [](std::span<Ratio> part, std::size_t at) {
-        std::nth_element(part.begin(), part.begin() + std::ptrdiff_t(at), part.end(),
-                         [](const Ratio& a, const Ratio& b) { return a.size < b.size; });
-    };
-    split(ratios, half);
-    split(ratios.first(half), half / 2);
-    split(ratios.subspan(half), (n - half) / 2);
-    const std::size_t ends[] = {0, half / 2, half, half + (n - half) / 2, n};
-    double needed = 0;
-    for (std::size_t i = 0; i < 4; ++i) needed = std::max(needed, scale_for(ratios.subspan(ends[i], ends[i + 1] - ends[i])));
-    return needed;
-}
-
-double scale_for_quarters_and(std::size_t loaded, std::span<Ratio> ratios) {
-    const double of_loaded = scale_for_quarters(ratios.first(loaded));
-    return std::max(of_loaded, scale_for_quarters(ratios));
-}
-
-// Returns the root mean square of the errors of the group in which it is largest, in units of their shape.
-double worst_group(const std::vector<Error>& errors, const Shape& shape) {
+// Returns the root mean square of the errors of the group in which it is largest, in units of their standard deviation.
+double worst_group(const std::vector<Error>& errors, const Parts& parts) {
     std::map<std::size_t, std::pair<double, std::size_t>> squares;
-    auto at = squares.end();
     for (const Error& error : errors) {
-        if (at == squares.end() || at->first != error.group) at = squares.try_emplace(error.group).first;
-        at->second.first += std::pow(error.size / size(error, shape), 2);
-        ++at->second.second;
+        auto& [sum, n] = squares[error.group];
+        sum += error.size * error.size / variance(error, parts);
+        ++n;
     }
     double worst = 0;
     for (const auto& [group, sum] : squares)
@@ -120,91 +127,31 @@ double worst_group(const std::vector<Error>& errors, const Shape& shape) {
     return worst;
 }
 
-// Returns at most n errors, evenly.
-Errors some_of(const Errors& all, std::size_t n) {
-    if (all.plain.size() <= n) return all;
-    Errors result;
-    for (std::size_t i = 0; i < n; ++i) {
-        const std::size_t at = i * all.plain.size() / n;
-        result.plain.push_back(all.plain[at]);
-        result.tared.push_back(all.tared[at]);
-        result.loaded += at < all.loaded ? 1 : 0;
-    }
-    return result;
-}
-
-// Returns the mean logarithm of the sizes of a shape.
-double log_size(const std::vector<Error>& errors, const Shape& shape) {
-    constexpr std::size_t kFactors = 64;  // a size is at most 35, so that their product is finite
-    double sum = 0, product = 1;
-    for (std::size_t i = 0; i < errors.size(); ++i) {
-        product *= size(errors[i], shape);
-        if (i % kFactors != kFactors - 1 && i + 1 < errors.size()) continue;
-        sum += std::log(product);
-        product = 1;
-    }
-    return sum / double(errors.size());
-}
-
-// Errors for which a scale is valid, besides all and those under load.
-struct Validity {
-    bool worst_session, quarters;
-};
-
-// Returns the smallest s that is valid for the errors; at least `limit` where it is not below that.
-double scale_of(const Errors& errors, const Shape& shape, const Validity& validity, double limit) {
-    double needed = 0;
-    const auto exceeds = [&](double scale) {
-        needed = std::max(needed, scale);
-        return !(needed < limit);
-    };
+Parts scaled(const Errors& errors, Parts parts, bool by_sessions) {
+    if (!(parts[kConstant] > 0)) return {};
+    double scale = 0;
     for (const auto* of : {&errors.plain, &errors.tared}) {
-        std::vector<Ratio> ratios = ratios_of(*of, shape);
-        if (exceeds_limit(ratios, limit) || exceeds_limit(std::span(ratios).first(errors.loaded), limit)) return limit;
-        if (exceeds(scale_for_all_and(errors.loaded, ratios))) return needed;
+        scale = std::max(scale, scale_for(*of, parts));
+        if (by_sessions) scale = std::max(scale, worst_group(*of, parts));
     }
-    for (const auto* of : {&errors.plain, &errors.tared})
-        if (validity.worst_session && exceeds(worst_group(*of, shape))) return needed;
-    for (const auto* of : {&errors.plain, &errors.tared}) {
-        if (!validity.quarters) break;
-        std::vector<Ratio> ratios = ratios_of(*of, shape);  // again, because scale_for() has changed the order
-        if (exceeds(scale_for_quarters_and(errors.loaded, ratios))) return needed;
-    }
-    return needed;
+    for (double& part : parts) part *= scale * scale;
+    return parts;
 }
 
-// A slope alone is too small where the component is 0 under a load of the others.
-Validity validity_of(const Shape& shape, bool by_sessions, std::size_t components) {
-    return {.worst_session = by_sessions,
-            .quarters = (shape.slope > 0 && components > 1) || shape.load > 0 || shape.unloading > 0};
+double mean_log_variance(const std::vector<Error>& errors, const Parts& parts) {
+    double sum = 0, weight = 0;
+    for (const Error& error : errors) sum += error.weight * std::log(variance(error, parts)), weight += error.weight;
+    return sum / weight;
 }
 
 }  // namespace
 
-Shape best_shape(const Errors& all, bool by_sessions, std::size_t components, bool takes_unloading) {
-    const Errors errors = some_of(all, kMaxErrorsOfShape);
-    Shape best;
-    double min = std::numeric_limits<double>::infinity();
-    for (const double unloading : kUnloadings) {
-        if (unloading > 0 && !takes_unloading) break;
-        const double needed_gain = unloading > 0 && best.unloading == 0 ? kWorth : 1;
-        for (const double load : kLoadSlopes) {
-            if (load > 0 && components == 1) break;  // the load of a single component is the component
-            for (const double slope : kSlopes) {
-                const Shape other{slope, load, unloading};
-                const double size = std::exp(log_size(errors.plain, other)), limit = needed_gain * min / size;
-                const double needed = scale_of(errors, other, validity_of(other, by_sessions, components), limit);
-                if (!(needed < limit)) continue;
-                min = needed * size;
-                best = other;
-            }
-        }
-    }
-    return best;
-}
-
-double scale_of(const Errors& errors, const Shape& shape, bool by_sessions, std::size_t components) {
-    return scale_of(errors, shape, validity_of(shape, by_sessions, components), std::numeric_limits<double>::infinity());
+Parts variance_of(const Errors& errors, bool by_sessions, const Allowed& allowed) {
+    const Parts parts = scaled(errors, likeliest(errors, {allowed.load, false}), by_sessions);
+    if (!allowed.unloading || !(parts[kConstant] > 0)) return parts;
+    const Parts other = scaled(errors, likeliest(errors, allowed), by_sessions);
+    const double gain = mean_log_variance(errors.plain, other) - mean_log_variance(errors.plain, parts);
+    return gain < 2 * std::log(kWorth) ? other : parts;
 }
 
 }  // namespace tactiled

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numeric>
 #include <vector>
 
 #include "decoupling/fit/error_shape.hpp"
@@ -31,6 +30,19 @@ std::map<const LabelledRow*, double> below_peak(const std::vector<HeldOut>& held
     return result;
 }
 
+// Returns the weight of each held-out row: rows of one load count together as one, because their errors are alike.
+std::map<const LabelledRow*, double> weight_of(const std::vector<HeldOut>& held_out) {
+    Rows rows;
+    for (const HeldOut& one : held_out) rows.push_back(one.row);
+    std::sort(rows.begin(), rows.end(), [](const LabelledRow* a, const LabelledRow* b) { return a->line < b->line; });
+    const std::vector<std::size_t> load = loads_of(rows);
+    std::map<std::size_t, std::size_t> count;
+    for (const std::size_t each : load) ++count[each];
+    std::map<const LabelledRow*, double> result;
+    for (std::size_t i = 0; i < rows.size(); ++i) result[rows[i]] = 1 / double(count[load[i]]);
+    return result;
+}
+
 // Student's quantile over the normal one, at one standard deviation: the series of Fisher and Cornish, three terms.
 double student(double freedom) {
     return 1 + 1 / (2 * freedom) + 1 / (4 * freedom * freedom) + 1 / (16 * freedom * freedom * freedom);
@@ -55,39 +67,37 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
         calibration.sd_unloading.clear();
     };
     clear();
-    const auto distance = below_peak(validation.rows, calibration);
+    const auto distance = below_peak(validation.rows, calibration), weight = weight_of(validation.rows);
     const auto states_sd = [&](std::size_t k) { return validation.has_sd.empty() || validation.has_sd[k]; };
-    const auto is_loaded = [&](std::size_t k) { return load_of(rows[k].row->wrench_S, calibration) >= LoadPeak::kRest; };
-    std::vector<std::size_t> order(rows.size());
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::stable_partition(order.begin(), order.end(), is_loaded);
     for (std::size_t i = 0; i < calibration.components.size(); ++i) {
         const std::size_t c = component_index(calibration.components[i]);
         const double full_scale = calibration.full_scale[i];
-        // The standard deviation holds with the zero of the calibration, and after a tare. Loaded rows come first.
+        // The standard deviation holds with the zero of the calibration, and after a tare.
         Errors errors;
-        for (const std::size_t k : order)
+        for (std::size_t k = 0; k < rows.size(); ++k)
             if (const double error = rows[k].estimated_S[c] - rows[k].row->wrench_S[c];
                 std::isfinite(error) && states_sd(k)) {
-                errors.plain.push_back({std::pow(rows[k].estimated_S[c] / full_scale, 2),
-                                        std::pow(load_of(rows[k].estimated_S, calibration), 2),
-                                        std::pow(distance.at(validation.rows[k].row), 2), std::abs(error),
-                                        validation.group[k]});
+                const LabelledRow* const row = validation.rows[k].row;
+                errors.plain.push_back(
+                    {.square = {1, std::pow(rows[k].estimated_S[c] / full_scale, 2),
+                                std::pow(load_of(rows[k].estimated_S, calibration), 2), std::pow(distance.at(row), 2)},
+                     .size = std::abs(error),
+                     .weight = weight.at(row),
+                     .group = validation.group[k]});
                 errors.tared.push_back(errors.plain.back());
-                errors.loaded += is_loaded(k) ? 1 : 0;
                 const auto at_rest = validation.at_rest.find(rows[k].row->session);
                 if (at_rest != validation.at_rest.end() && std::isfinite(at_rest->second[c]) && validation.drifted.empty())
                     errors.tared.back().size = std::abs(error - at_rest->second[c]);
             }
         if (errors.plain.size() < kMinErrors) return clear();
-        const std::size_t n = calibration.components.size();
-        const Shape best = best_shape(errors, validation.by_sessions, n, takes_unloading);
-        double scale = scale_of(errors, best, validation.by_sessions, n);
-        scale *= student(freedom_of(validation, c, calibration));
-        calibration.sd.push_back(scale);
-        calibration.sd_slope.push_back(scale * best.slope / full_scale);
-        calibration.sd_load.push_back(scale * best.load);
-        calibration.sd_unloading.push_back(scale * best.unloading);
+        // The load of a single component is the component.
+        const Parts parts = variance_of(errors, validation.by_sessions,
+                                        {.load = calibration.components.size() > 1, .unloading = takes_unloading});
+        const double times = student(freedom_of(validation, c, calibration));
+        calibration.sd.push_back(times * std::sqrt(parts[kConstant]));
+        calibration.sd_slope.push_back(times * std::sqrt(parts[kSlope]) / full_scale);
+        calibration.sd_load.push_back(times * std::sqrt(parts[kLoad]));
+        calibration.sd_unloading.push_back(times * std::sqrt(parts[kUnloading]));
     }
     for (auto* sd : {&calibration.sd_load, &calibration.sd_unloading})
         if (std::all_of(sd->begin(), sd->end(), [](double each) { return each == 0; })) sd->clear();
