@@ -358,8 +358,11 @@ def judge(job):
     more = ["--budget"] if "--budget " in help_text else []
     with tempfile.TemporaryDirectory() as temporary:
         calibration, forces = pathlib.Path(temporary) / "calibration.toml", pathlib.Path(temporary) / "forces.csv"
+        decouple = ["decouple", "--calibration", calibration, "--in", folder / "use.csv", "--out", forces, *more]
         for command in (["calibrate", "--model", name, "--method", model.method, "--in", folder / "labelled.csv", "--out", calibration, *words],
-                        ["decouple", "--calibration", calibration, "--in", folder / "use.csv", "--out", forces, *more]):
+                        decouple):
+            if command is decouple and "--temperature-sd-K" in help_text:
+                decouple += run.constant_temperature_words(calibration)
             done = subprocess.run([pathlib.Path(program) / "tactilectl", *command], capture_output=True, text=True)
             if done.returncode != 0:
                 return f"{name} {seed}: {done.stderr.strip().splitlines()[-1]}"

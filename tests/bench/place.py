@@ -68,7 +68,8 @@ def rows_held(truth, name, settle):
 def counts(calibration, method, signals, truth, held, folder):
     """Rows, GOOD ones, and GOOD ones beyond 5 sd."""
     out = folder / "forces.csv"
-    run.run_ctl("decouple", "--calibration", calibration, "--method", method, "--in", signals, "--out", out)
+    run.run_ctl("decouple", "--calibration", calibration, "--method", method, *run.constant_temperature_words(calibration),
+                "--in", signals, "--out", out)
     series = offline.tared(offline.read_forces(out))
     rows = good = wrong = 0
     for i, t_s in enumerate(series.t_s):

@@ -17,8 +17,8 @@ import time
 sys.dont_write_bytecode = True
 from judge import AXES, DEFECTS, LIMITS, NOT_JUDGED  # noqa: E402
 from offline import TARE_S, read_forces, signals_of, tared  # noqa: E402
-from run import (ROOT, Refused, Scene, calibration_of, column, model_of, read_truth, row_of, run_calibration,  # noqa: E402
-                 run_ctl, scenes_in, span_s, truth_of)
+from run import (ROOT, Refused, Scene, calibration_of, column, constant_temperature_words, model_of, read_truth,  # noqa: E402
+                 row_of, run_calibration, run_ctl, scenes_in, span_s, truth_of)
 
 NEEDED = 3            # scenes that each defect fails
 FIRST_SEED = 1001     # judging seeds
@@ -38,7 +38,8 @@ def played(job):
         for sensor, expect in scene.expectations:
             calibration, forces = calibration_of(scene, expect, calibrations), folder / "forces.csv"
             method = ("--method", expect["method"]) if "method" in expect else ()
-            run_ctl("decouple", "--calibration", calibration, *method, "--delay-ms", DELAY_MS.get(path.stem, 0), "--in", signals[sensor], "--out", forces)
+            run_ctl("decouple", "--calibration", calibration, *method, *constant_temperature_words(calibration),
+                    "--delay-ms", DELAY_MS.get(path.stem, 0), "--in", signals[sensor], "--out", forces)
             series = read_forces(forces)
             begin_s, end_s = span_s(expect)
             if expect.get("tare", True):

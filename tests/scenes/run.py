@@ -200,11 +200,19 @@ def play(scene, effects, speed, calibrations, truths):
     return follows
 
 
+def has_thermometer(calibration):
+    return "temperature" in tomllib.loads(pathlib.Path(calibration).read_text())
+
+
 def constant_temperature(calibration):
     """The keys of a sensor in a scene of one temperature. A calibration with coefficients and a thermometer needs none."""
-    model = model_of(calibration)
-    sd = "temperature_sd_K = 1e-4\n" if model in ("table", "hair", "capacitive") else ""
-    return "" if "temperature" in tomllib.loads(calibration.read_text()) else f"temperature_range_C = [23, 23]\n{sd}"
+    sd = "temperature_sd_K = 1e-4\n" if model_of(calibration) in ("table", "hair", "capacitive") else ""
+    return "" if has_thermometer(calibration) else f"temperature_range_C = [23, 23]\n{sd}"
+
+
+def constant_temperature_words(calibration):
+    """The same for tactilectl decouple."""
+    return [] if has_thermometer(calibration) else "--temperature-from-C 23 --temperature-to-C 23 --temperature-sd-K 1e-4".split()
 
 
 def channels_of(table):

@@ -17,7 +17,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parent))
 sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "scenes"))
 from daemon import BIN, ROOT, Daemon, wait_for  # noqa: E402
 from modbus_interop_test import INTEROP  # noqa: E402
-from run import LATE_MS, QUALITY, calibrate, constant_temperature  # noqa: E402
+from run import LATE_MS, QUALITY, calibrate, constant_temperature, constant_temperature_words  # noqa: E402
 
 sys.dont_write_bytecode = True
 sys.path[:0] = [str(INTEROP), str(ROOT / "node/python")]
@@ -25,7 +25,6 @@ import read_mcap  # noqa: E402
 import tactiled  # noqa: E402
 
 SPEED = 4
-HELD = [f"--temperature-{key}" for key in ("from-C", "to-C", "sd-K")]  # of constant_temperature()
 # The path of a replayed frame, and the age of its zero on another machine's clock, are not in the rows.
 NOT_IN_ROWS = tactiled.UNPROVED_AGE | tactiled.ARRIVAL_ONLY
 
@@ -122,7 +121,7 @@ class AsTheDaemon(unittest.TestCase):
             writer.writerow(["t_s", *channels])
             for t_ns, values in frames:
                 writer.writerow([f"{(t_ns - frames[0][0]) / 1e9:.9f}", *("" if math.isnan(v) else repr(v) for v in values)])
-        words = [word for pair in zip(HELD, (23, 23, 1e-4)) for word in map(str, pair)] if held else []
+        words = constant_temperature_words(calibration)
         done = subprocess.run([BIN / "tactilectl", "decouple", "--calibration", calibration, "--method", expect.get("method", ""), *words,
                                "--in", rows, "--out", forces], capture_output=True, text=True)
         self.assertEqual(done.returncode, 0, done.stderr)
