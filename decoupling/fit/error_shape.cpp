@@ -70,9 +70,9 @@ Parts likeliest(const Errors& errors, const Allowed& allowed) {
     return parts;
 }
 
-// An error in units of its standard deviation, that, and the error's weight.
+// An error in units of its standard deviation, its load, and its weight.
 struct Ratio {
-    double ratio, sd, weight;
+    double ratio, load, weight;
 };
 
 double loads_of(std::span<const Ratio> ratios) {
@@ -96,16 +96,14 @@ double scale_for(std::span<Ratio> ratios) {
 }
 
 // Returns the smallest factor that is valid for the errors, and for each quarter of them from the smallest to the largest
-// standard deviation that has enough loads for all quantiles: errors under light loads are few among all.
+// load that has enough loads for all quantiles: errors under light loads are few among all.
 double scale_for(const std::vector<Error>& errors, const Parts& parts) {
     std::vector<Ratio> ratios;
-    for (const Error& error : errors) {
-        const double sd = std::sqrt(variance(error, parts));
-        ratios.push_back({error.size / sd, sd, error.weight});
-    }
-    std::stable_sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.sd < b.sd; });
+    for (const Error& error : errors)
+        ratios.push_back({error.size / std::sqrt(variance(error, parts)), error.load, error.weight});
+    std::stable_sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.load < b.load; });
     double needed = 0;
-    if (ratios.front().sd < ratios.back().sd)
+    if (ratios.front().load < ratios.back().load)
         for (std::size_t i = 0, n = ratios.size(); i < 4; ++i) {
             const std::span<Ratio> quarter(&ratios[i * n / 4], (i + 1) * n / 4 - i * n / 4);
             if (loads_of(quarter) >= std::rbegin(kTails)->loads) needed = std::max(needed, scale_for(quarter));

@@ -14,7 +14,8 @@ using Parts = std::array<double, kParts>;
 struct Error {
     Parts square;  // 1, and the squares of |estimate| / full scale, of the load, and of its distance from the peak, 0 .. 1
     double size;
-    double weight;  // 1 / number of rows of its load: their errors are alike
+    double weight;    // 1 / number of rows of its load: their errors are alike
+    double load = 0;  // by the labels, relative to full scale: a large error makes the estimate small or large
     std::size_t group;
 };
 

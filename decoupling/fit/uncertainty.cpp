@@ -83,6 +83,7 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
                                 std::pow(load_of(rows[k].estimated_S, calibration), 2), std::pow(distance.at(row), 2)},
                      .size = std::abs(error),
                      .weight = weight.at(row),
+                     .load = load_of(row->wrench_S, calibration),
                      .group = validation.group[k]});
                 errors.tared.push_back(errors.plain.back());
                 const auto at_rest = validation.at_rest.find(rows[k].row->session);
