@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <map>
 #include <span>
 #include <utility>
@@ -10,12 +9,13 @@
 namespace tactiled {
 namespace {
 
-// Shares of normal errors, the corresponding number of standard deviations, and the minimum number of loads for a quantile
-// that does not depend on a single one.
+// Shares of normal errors, and the corresponding number of standard deviations.
 struct Tail {
-    double share, sds, loads;
+    double share, sds;
 };
-constexpr Tail kTails[] = {{0.6827, 1, 0}, {0.95, 1.96, 40}, {0.99, 2.576, 200}};
+constexpr Tail kWithinOne{0.6827, 1};
+constexpr Tail kTails[] = {kWithinOne, {0.95, 1.96}, {0.99, 2.576}};
+constexpr double kSure = 2;                // standard errors of a count of loads: less may be chance
 constexpr std::size_t kRowsOfAGroup = 10;  // minimum number of rows of a group whose root mean square counts
 // Unloading counts if it makes the standard deviations this much smaller: less may be chance.
 constexpr double kWorth = 0.95;
@@ -81,34 +81,38 @@ double loads_of(std::span<const Ratio> ratios) {
     return loads;
 }
 
-// Returns the smallest factor of the standard deviations that is valid for the errors, which are reordered.
-double scale_for(std::span<Ratio> ratios) {
+// Returns the factor of the standard deviations below which so many loads are. `ratios` are in order.
+double scale_at(std::span<const Ratio> ratios, double loads, const Tail& tail) {
+    double below = 0;
+    std::size_t at = 0;
+    while (at + 1 < ratios.size() && below + ratios[at].weight < loads) below += ratios[at++].weight;
+    return ratios[at].ratio / tail.sds;
+}
+
+// Returns the smallest factor that the errors do not contradict: at which no more loads are in a tail than by chance.
+double least_scale(std::span<Ratio> ratios) {
     std::sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.ratio < b.ratio; });
     const double loads = loads_of(ratios);
-    double needed = 0, below = 0;
-    std::size_t at = 0;
+    double needed = 0;
     for (const Tail& tail : kTails) {
-        if (loads < tail.loads) break;
-        while (at + 1 < ratios.size() && below + ratios[at].weight < tail.share * loads) below += ratios[at++].weight;
-        needed = std::max(needed, ratios[at].ratio / tail.sds);
+        const double chance = kSure * std::sqrt(loads * tail.share * (1 - tail.share));
+        needed = std::max(needed, scale_at(ratios, tail.share * loads - chance, tail));
     }
     return needed;
 }
 
-// Returns the smallest factor that is valid for the errors, and for each quarter of them from the smallest to the largest
-// load that has enough loads for all quantiles: errors under light loads are few among all.
+// Returns the factor with 68.27 % of the loads within one standard deviation, or a larger one if the tails contradict it, or
+// a quarter of the errors from the smallest to the largest load: errors under light loads are few among all.
 double scale_for(const std::vector<Error>& errors, const Parts& parts) {
     std::vector<Ratio> ratios;
     for (const Error& error : errors)
         ratios.push_back({error.size / std::sqrt(variance(error, parts)), error.load, error.weight});
     std::stable_sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.load < b.load; });
     double needed = 0;
-    if (ratios.front().load < ratios.back().load)
-        for (std::size_t i = 0, n = ratios.size(); i < 4; ++i) {
-            const std::span<Ratio> quarter(&ratios[i * n / 4], (i + 1) * n / 4 - i * n / 4);
-            if (loads_of(quarter) >= std::rbegin(kTails)->loads) needed = std::max(needed, scale_for(quarter));
-        }
-    return std::max(needed, scale_for(ratios));
+    for (std::size_t i = 0, n = ratios.size(); i < 4; ++i)
+        needed = std::max(needed, least_scale({&ratios[i * n / 4], (i + 1) * n / 4 - i * n / 4}));
+    needed = std::max(needed, least_scale(ratios));
+    return std::max(needed, scale_at(ratios, kWithinOne.share * loads_of(ratios), kWithinOne));
 }
 
 // Returns the root mean square of the errors of the group in which it is largest, in units of their standard deviation.
