@@ -15,7 +15,7 @@ struct Tail {
 };
 constexpr Tail kWithinOne{0.6827, 1};
 constexpr Tail kTails[] = {kWithinOne, {0.95, 1.96}, {0.99, 2.576}};
-constexpr double kSure = 2;                // standard errors of a count of loads: less may be chance
+constexpr double kSure = 3;                // standard errors of a count of loads: less may be chance
 constexpr std::size_t kRowsOfAGroup = 10;  // minimum number of rows of a group whose root mean square counts
 // Unloading counts if it makes the standard deviations this much smaller: less may be chance.
 constexpr double kWorth = 0.95;
@@ -89,14 +89,14 @@ double scale_at(std::span<const Ratio> ratios, double loads, const Tail& tail) {
     return ratios[at].ratio / tail.sds;
 }
 
-// Returns the smallest factor that the errors do not contradict: at which no more loads are in a tail than by chance.
-double least_scale(std::span<Ratio> ratios) {
+// Returns `scale`, or the factor that has the share of each tail beyond it, if more loads are there than by chance.
+double not_contradicted(double scale, std::span<Ratio> ratios) {
     std::sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.ratio < b.ratio; });
     const double loads = loads_of(ratios);
-    double needed = 0;
+    double needed = scale;
     for (const Tail& tail : kTails) {
-        const double chance = kSure * std::sqrt(loads * tail.share * (1 - tail.share));
-        needed = std::max(needed, scale_at(ratios, tail.share * loads - chance, tail));
+        const double expected = tail.share * loads, chance = kSure * std::sqrt(expected * (1 - tail.share));
+        if (scale_at(ratios, expected - chance, tail) > scale) needed = std::max(needed, scale_at(ratios, expected, tail));
     }
     return needed;
 }
@@ -107,12 +107,14 @@ double scale_for(const std::vector<Error>& errors, const Parts& parts) {
     std::vector<Ratio> ratios;
     for (const Error& error : errors)
         ratios.push_back({error.size / std::sqrt(variance(error, parts)), error.load, error.weight});
-    std::stable_sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.load < b.load; });
-    double needed = 0;
-    for (std::size_t i = 0, n = ratios.size(); i < 4; ++i)
-        needed = std::max(needed, least_scale({&ratios[i * n / 4], (i + 1) * n / 4 - i * n / 4}));
-    needed = std::max(needed, least_scale(ratios));
-    return std::max(needed, scale_at(ratios, kWithinOne.share * loads_of(ratios), kWithinOne));
+    std::vector<Ratio> by_load = ratios;
+    std::stable_sort(by_load.begin(), by_load.end(), [](const Ratio& a, const Ratio& b) { return a.load < b.load; });
+    std::sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.ratio < b.ratio; });
+    const double of_all = scale_at(ratios, kWithinOne.share * loads_of(ratios), kWithinOne);
+    double needed = not_contradicted(of_all, ratios);
+    for (std::size_t i = 0, n = by_load.size(); i < 4; ++i)
+        needed = std::max(needed, not_contradicted(of_all, {&by_load[i * n / 4], (i + 1) * n / 4 - i * n / 4}));
+    return needed;
 }
 
 // Returns the root mean square of the errors of the group in which it is largest, in units of their standard deviation.
