@@ -240,8 +240,9 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
     fit.zero = file.numbers("zero", kFinite, as_many_as(calibration.channels));
     const Count each = as_many_as(calibration.components);
     fit.sd = file.numbers("sd", kNotNegative, each);
+    const bool is_array = calibration.model == "patch";  // its taxels may have no error in common
     for (std::size_t i = 0; i < fit.sd.size(); ++i)
-        if (fit.sd[i] == 0)
+        if (fit.sd[i] == 0 && !is_array)
             file.problem("sd",
                          fmt::format("sd[{}] = 0: no sensor is without an error; give one standard deviation in N or Nm "
                                      "above 0, or delete sd if it is not known (then UNCERTAIN)",

@@ -145,9 +145,10 @@ struct Calibration : Fit {
     // Per component, N or Nm: standard deviation of the zero an hour after it was known, and of the zero of another mounting
     // or power-up. Empty: not seen in the rows.
     std::vector<double> zero_rate_per_h, zero_shift;
-    // Returns the growth that the daemon uses: the sd of a force where no drift was seen, because none is not proved.
+    // Returns the growth that the daemon uses: the error of a force where no drift was seen, because none is not proved. The
+    // sd alone may be that of a rest.
     [[nodiscard]] const std::vector<double>& zero_growth_per_h() const noexcept {
-        return zero_rate_per_h.empty() ? sd : zero_rate_per_h;
+        return !zero_rate_per_h.empty() ? zero_rate_per_h : held_out_rms.size() == sd.size() ? held_out_rms : sd;
     }
     int rows = 0;  // labelled rows used
     // CRC-16/CCITT-FALSE over the file up to its line `crc = `, and over those of `taxels`

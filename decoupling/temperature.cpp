@@ -65,7 +65,10 @@ public:
     [[nodiscard]] std::uint32_t timed_by(std::size_t c) const noexcept override { return inner_->timed_by(c); }
     void set_temperature(const TemperatureInUse& in_use) noexcept override {
         const double declared_K = in_use.highest_C - in_use.lowest_C;  // NaN: not declared
-        const double width_K = std::isfinite(declared_K) || is_fitted_ ? declared_K : kRoom_K;
+        // Without a thermometer the reading is taken as one at the reference, from which the range may be far.
+        const double from_reference_K = std::max(std::abs(in_use.highest_C - temperature_.reference_C),
+                                                 std::abs(in_use.lowest_C - temperature_.reference_C));
+        const double width_K = is_fitted_ ? from_reference_K : std::isfinite(declared_K) ? declared_K : kRoom_K;
         const double sd_K = std::isfinite(in_use.sd_K) ? in_use.sd_K : kUnstated_K;
         const double difference_K = std::isfinite(in_use.difference_K) ? in_use.difference_K
                                     : !temperature_.dummy.empty()      ? temperature_.dummy_difference_K

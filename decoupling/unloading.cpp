@@ -11,13 +11,8 @@ class Unloaded final : public Decoupler {
 public:
     Unloaded(const Calibration& calibration, std::unique_ptr<Decoupler> inner)
         : inner_(std::move(inner)), scale_(calibration) {
-        double square = 0;
-        for (std::size_t i = 0; i < calibration.components.size(); ++i) {
-            const std::size_t c = component_index(calibration.components[i]);
-            sd_[c] = calibration.sd_unloading[i];
-            square += scale_.weight(c) * calibration.sd[i] * calibration.sd[i];
-        }
-        peak_ = LoadPeak(std::max(LoadPeak::kRest, 2 * std::sqrt(square)));
+        for (std::size_t i = 0; i < calibration.components.size(); ++i)
+            sd_[component_index(calibration.components[i])] = calibration.sd_unloading[i];
     }
     [[nodiscard]] Estimate decouple(const Reading& reading) noexcept override {
         Estimate estimate = inner_->decouple(reading);
@@ -57,9 +52,7 @@ double load_of(const Wrench& wrench_S, const Calibration& calibration) noexcept 
 
 std::unique_ptr<Decoupler> with_unloading(const Calibration& calibration, std::unique_ptr<Decoupler> inner) {
     const std::size_t n = calibration.components.size();
-    if (inner == nullptr || calibration.sd_unloading.size() != n || calibration.sd.size() != n ||
-        calibration.full_scale.size() != n)
-        return inner;
+    if (inner == nullptr || calibration.sd_unloading.size() != n || calibration.full_scale.size() != n) return inner;
     return std::make_unique<Unloaded>(calibration, std::move(inner));
 }
 

@@ -2,8 +2,7 @@
 // differently than on the way up. With the load L, the magnitude of the force relative to the largest full scale, and its
 // peak since the last rest, the standard deviation of a component becomes hypot(sd, sd_unloading (peak - L)).
 // fit/uncertainty.cpp determines sd_unloading from loading and unloading in the calibration's rows; it is 0 if it does not
-// reduce the other terms. A sensor rests below 2 % of full scale, or below twice the sd of its load: a skin that keeps a
-// memory does not read zero.
+// reduce the other terms.
 #pragma once
 #include <algorithm>
 #include <array>
@@ -19,14 +18,12 @@ namespace tactiled {
 class LoadPeak {
 public:
     static constexpr double kRest = 0.02;                   // relative to full scale
-    static constexpr std::uint64_t kRest_ns = 500'000'000;  // the sensor rests after this time below `rest`
-
-    explicit LoadPeak(double rest = kRest) : rest_(rest) {}
+    static constexpr std::uint64_t kRest_ns = 500'000'000;  // the sensor rests after this time below kRest
 
     // Returns peak - load, 0 .. 1. A load that is not finite has no effect. rt: wait-free
     double next(double load, std::uint64_t t_ns) noexcept {
         if (!std::isfinite(load)) return peak_;
-        if (load >= rest_)
+        if (load >= kRest)
             is_low_ = false;
         else if (!is_low_ || t_ns < low_since_ns_)
             is_low_ = true, low_since_ns_ = t_ns;
@@ -35,7 +32,7 @@ public:
         peak_ = std::min(1.0, std::max(peak_, load));
         return std::max(0.0, peak_ - load);
     }
-    void forget() noexcept { *this = LoadPeak(rest_); }  // rt: wait-free
+    void forget() noexcept { *this = {}; }  // rt: wait-free
     // Returns the peak of a sensor that has rested.
     static LoadPeak rested() {
         LoadPeak peak;
@@ -44,7 +41,6 @@ public:
     }
 
 private:
-    double rest_;
     double peak_ = 1;
     bool is_low_ = false;
     std::uint64_t low_since_ns_ = 0;

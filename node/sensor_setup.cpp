@@ -95,8 +95,11 @@ void put_measuring(SensorSettings& settings, const Calibration& calibration, Sen
     setup.temperature_of_sensor = settings.thermometer;
     setup.temperature = temperature_in_use(settings);
     if (!calibration.temperature.dummy.empty()) put_dummy(settings, calibration, setup);
-    if (std::isfinite(settings.temperature_sd_K) && calibration.temperature.zero_per_K.empty() &&
-        temperature_effect(calibration) == nullptr)
+    const auto follows_temperature = [](const Calibration& c) {
+        return !c.temperature.zero_per_K.empty() || temperature_effect(c) != nullptr;
+    };
+    if (std::isfinite(settings.temperature_sd_K) && !follows_temperature(calibration) &&
+        !std::ranges::any_of(calibration.taxels, follows_temperature))
         settings.options.problem(
             "temperature_sd_K",
             fmt::format("temperature_sd_K = {}: neither {} nor model \"{}\" has coefficients of temperature, so it has no "

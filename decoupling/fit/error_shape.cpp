@@ -15,12 +15,10 @@ struct Tail {
 };
 constexpr Tail kWithinOne{0.6827, 1};
 constexpr Tail kTails[] = {kWithinOne, {0.95, 1.96}, {0.99, 2.576}};
-constexpr double kSure = 3;                // standard errors of a count of loads: less may be chance
+// Standard errors: a smaller difference may be chance. Of the thirty counts that a component compares, chance exceeds one in
+// less than 1 % of the calibrations.
+constexpr double kSure = 3.5;
 constexpr std::size_t kRowsOfAGroup = 10;  // minimum number of rows of a group whose root mean square counts
-// Unloading counts if it makes the standard deviations this much smaller: less may be chance.
-constexpr double kWorth = 0.95;
-// A part below this share of the variance of every row changes no standard deviation by more than 2.5 %, and is left out.
-constexpr double kNoPart = 0.05;
 constexpr int kSteps = 200;
 // The parts are in the ratio that so many errors give, evenly from all; their size is that of all.
 constexpr std::size_t kMaxErrorsOfShape = 5'000;
@@ -57,22 +55,42 @@ double mean_square(const std::vector<Error>& errors) {
     return sum / loads;
 }
 
+// Returns the logarithm of the likelihood for normal errors, a mean of plain and tared ones, with that load at rest.
+double log_likelihood(const Errors& errors, double before, const Parts& parts) {
+    double sum = 2 * (std::log(parts[kConstant]) + before / parts[kConstant]);
+    for (const auto* of : {&errors.plain, &errors.tared})
+        for (const Error& error : *of) {
+            const double of_error = variance(error, parts);
+            sum += error.weight * (std::log(of_error) + error.size * error.size / of_error);
+        }
+    return -sum / 4;
+}
+
+// Returns the likeliest parts, of which each but the constant makes the errors likelier beyond chance.
 Parts likeliest(const Errors& errors, const Allowed& allowed) {
     const double mean = (mean_square(errors.plain) + mean_square(errors.tared)) / 2;
     if (!(mean > 0)) return {};
-    Parts parts{mean, mean, allowed.load ? mean : 0, allowed.unloading ? mean : 0};
-    for (int i = 0; i < kSteps; ++i) step(errors, mean, parts);
-    for (std::size_t k = kSlope; k < kParts; ++k) {
-        double share = 0;
-        for (const Error& error : errors.plain) share = std::max(share, parts[k] * error.square[k] / variance(error, parts));
-        if (share < kNoPart) parts[k] = 0;
+    const auto fitted = [&](Parts parts) {
+        for (int i = 0; i < kSteps; ++i) step(errors, mean, parts);
+        return parts;
+    };
+    Parts start{mean, mean, allowed.load ? mean : 0, allowed.unloading ? mean : 0};
+    Parts best = fitted(start);
+    for (const Part part : {kUnloading, kLoad, kSlope}) {
+        if (start[part] == 0) continue;
+        Parts without = start;
+        without[part] = 0;
+        const Parts other = fitted(without);
+        if (log_likelihood(errors, mean, best) - log_likelihood(errors, mean, other) > kSure * kSure / 2) continue;
+        start = without;
+        best = other;
     }
-    return parts;
+    return best;
 }
 
-// An error in units of its standard deviation, its load, and its weight.
+// An error in units of its standard deviation, the square of its load, and its weight.
 struct Ratio {
-    double ratio, load, weight;
+    double ratio, load_squared, weight;
 };
 
 double loads_of(std::span<const Ratio> ratios) {
@@ -106,9 +124,10 @@ double not_contradicted(double scale, std::span<Ratio> ratios) {
 double scale_for(const std::vector<Error>& errors, const Parts& parts) {
     std::vector<Ratio> ratios;
     for (const Error& error : errors)
-        ratios.push_back({error.size / std::sqrt(variance(error, parts)), error.load, error.weight});
+        ratios.push_back({error.size / std::sqrt(variance(error, parts)), error.square[kLoad], error.weight});
     std::vector<Ratio> by_load = ratios;
-    std::stable_sort(by_load.begin(), by_load.end(), [](const Ratio& a, const Ratio& b) { return a.load < b.load; });
+    std::stable_sort(by_load.begin(), by_load.end(),
+                     [](const Ratio& a, const Ratio& b) { return a.load_squared < b.load_squared; });
     std::sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.ratio < b.ratio; });
     const double of_all = scale_at(ratios, kWithinOne.share * loads_of(ratios), kWithinOne);
     double needed = not_contradicted(of_all, ratios);
@@ -131,7 +150,10 @@ double worst_group(const std::vector<Error>& errors, const Parts& parts) {
     return worst;
 }
 
-Parts scaled(const Errors& errors, Parts parts, bool by_sessions) {
+}  // namespace
+
+Parts variance_of(const Errors& errors, bool by_sessions, const Allowed& allowed) {
+    Parts parts = likeliest(errors, allowed);
     if (!(parts[kConstant] > 0)) return {};
     double scale = 0;
     for (const auto* of : {&errors.plain, &errors.tared}) {
@@ -140,22 +162,6 @@ Parts scaled(const Errors& errors, Parts parts, bool by_sessions) {
     }
     for (double& part : parts) part *= scale * scale;
     return parts;
-}
-
-double mean_log_variance(const std::vector<Error>& errors, const Parts& parts) {
-    double sum = 0, weight = 0;
-    for (const Error& error : errors) sum += error.weight * std::log(variance(error, parts)), weight += error.weight;
-    return sum / weight;
-}
-
-}  // namespace
-
-Parts variance_of(const Errors& errors, bool by_sessions, const Allowed& allowed) {
-    const Parts parts = scaled(errors, likeliest(errors, {allowed.load, false}), by_sessions);
-    if (!allowed.unloading || !(parts[kConstant] > 0)) return parts;
-    const Parts other = scaled(errors, likeliest(errors, allowed), by_sessions);
-    const double gain = mean_log_variance(errors.plain, other) - mean_log_variance(errors.plain, parts);
-    return gain < 2 * std::log(kWorth) ? other : parts;
 }
 
 }  // namespace tactiled

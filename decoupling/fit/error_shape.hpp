@@ -12,10 +12,9 @@ enum Part : std::size_t { kConstant, kSlope, kLoad, kUnloading, kParts };
 using Parts = std::array<double, kParts>;
 
 struct Error {
-    Parts square;  // 1, and the squares of |estimate| / full scale, of the load, and of its distance from the peak, 0 .. 1
+    Parts square;  // 1, and the squares of component / full scale, of the load, and of its distance from the peak, 0 .. 1
     double size;
-    double weight;    // 1 / number of rows of its load: their errors are alike
-    double load = 0;  // by the labels, relative to full scale: a large error makes the estimate small or large
+    double weight;  // 1 / number of rows of its load: their errors are alike
     std::size_t group;
 };
 
@@ -29,9 +28,9 @@ struct Allowed {
     bool load, unloading;
 };
 
-// Returns the parts with the largest likelihood for normal errors, in the ratio that this gives, and as large as the 68.27
-// %, 95 % and 99 % quantiles of the errors require. `by_sessions`: each group of errors is a session, and the root mean
-// square of the worst one is covered, too.
+// Returns the likeliest parts of normal errors, scaled so that 68.27 % of the loads are within one standard deviation; more
+// where the tails (95 %, 99 %) or a quarter of the errors by load contradict that beyond chance, or if `by_sessions` where
+// the root mean square of a session is larger. Each group of errors is then a session.
 Parts variance_of(const Errors& errors, bool by_sessions, const Allowed& allowed);
 
 // Minimum number of errors for a scale.

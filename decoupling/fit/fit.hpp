@@ -118,8 +118,9 @@ struct DummyStated {
 
 // Makes the dummy of the model (TemperatureEffect::dummy), if the rows have it, the temperature of the rows, and none of
 // their channels. Returns its scale for FitRequest::dummy, without a name if there is none. temperature_fit.cpp
-// setup: throws SetupError where a stated fact is missing
-Temperature take_dummy(Labelled& labelled, const std::string& model, const DummyStated& stated);
+// setup: throws SetupError where a stated fact is missing, has no dummy, or the unit is not that of the coefficients
+Temperature take_dummy(Labelled& labelled, const std::string& model, const std::string& channel_unit,
+                       const DummyStated& stated);
 
 // Fits, names labels that seem wrong, and validates by leaving out each session, or with one session each pose and each of
 // five stretches of time, and then the last third of the time: rows of one group resemble each other so much that random

@@ -115,11 +115,23 @@ Temperature known_coefficients(const Calibration& calibration, const Temperature
 
 }  // namespace
 
-Temperature take_dummy(Labelled& labelled, const std::string& model, const DummyStated& stated) {
+Temperature take_dummy(Labelled& labelled, const std::string& model, const std::string& channel_unit,
+                       const DummyStated& stated) {
     const TemperatureEffect* const effect = temperature_effect(model);
-    if (effect == nullptr || effect->dummy.empty()) return {};
-    const auto at = std::find(labelled.channels.begin(), labelled.channels.end(), effect->dummy);
-    if (at == labelled.channels.end()) return {};
+    const std::string name = effect != nullptr ? std::string(effect->dummy) : "";
+    const auto at =
+        name.empty() ? labelled.channels.end() : std::find(labelled.channels.begin(), labelled.channels.end(), name);
+    if (at == labelled.channels.end()) {
+        if (std::isnan(stated.at_C) && std::isnan(stated.difference_K)) return {};
+        throw SetupError(fmt::format("{}: --dummy-difference-K and --dummy-at-C describe a dummy, and {}", labelled.name,
+                                     name.empty() ? fmt::format("model \"{}\" has none", model)
+                                                  : fmt::format("the file has no column {} of it", name)));
+    }
+    if (!channel_unit.empty() && channel_unit != effect->channel_unit)
+        throw SetupError(
+            fmt::format("{}: the coefficient of the dummy {} is known in {}, and --channel-unit is {}: divide the "
+                        "columns by the counts per {}",
+                        labelled.name, name, effect->channel_unit, channel_unit, effect->channel_unit));
     const auto k = at - labelled.channels.begin();
     double sum = 0, sum_C = 0;
     std::size_t n = 0, n_C = 0;
@@ -173,7 +185,11 @@ Temperature take_temperature_off(const Rows& all, Labelled& labelled, const Cali
     if (dummy.dummy.empty()) found.reference_C = from_K.mean();
     from_K.array() -= found.reference_C;
     const Eigen::MatrixXd load = loads_of_rows(rows, calibration);
-    if (load.rows() < Eigen::Index(kRowsPerCoefficient) * (load.cols() + 2)) return otherwise();
+    if (const Eigen::Index needed = Eigen::Index(kRowsPerCoefficient) * (load.cols() + 2); load.rows() < needed) {
+        warnings.push_back(
+            fmt::format("{} rows have a temperature; {} are needed to learn zero and gain against it", load.rows(), needed));
+        return otherwise();
+    }
     const Eigen::MatrixXd readings = channels_of(rows);
     for (std::size_t k = 0; k < calibration.channels.size(); ++k) {
         const ChannelFit one = fit_channel(load, from_K, readings.col(Eigen::Index(k)));
@@ -184,7 +200,12 @@ Temperature take_temperature_off(const Rows& all, Labelled& labelled, const Cali
         found.gain_per_K_sd.push_back(one.gain_per_K_sd);
     }
     const auto still = std::count(found.zero_per_K.begin(), found.zero_per_K.end(), 0);
-    if (still > 0 && !dummy.dummy.empty()) return otherwise();
+    if (still > 0 && !dummy.dummy.empty()) {
+        const auto first = std::find(found.zero_per_K.begin(), found.zero_per_K.end(), 0) - found.zero_per_K.begin();
+        warnings.push_back(fmt::format("channel {} does not follow the dummy {}: the coefficients are those of the model",
+                                       calibration.channels[std::size_t(first)], dummy.dummy));
+        return otherwise();
+    }
     if (still == std::ptrdiff_t(found.zero_per_K.size())) {
         warnings.emplace_back("no channel follows temperature_C");
         return {};

@@ -77,14 +77,14 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
         for (std::size_t k = 0; k < rows.size(); ++k)
             if (const double error = rows[k].estimated_S[c] - rows[k].row->wrench_S[c];
                 std::isfinite(error) && states_sd(k)) {
+                // Of the labels: an estimate contains its error, so that large errors would seem to belong to large loads.
                 const LabelledRow* const row = validation.rows[k].row;
-                errors.plain.push_back(
-                    {.square = {1, std::pow(rows[k].estimated_S[c] / full_scale, 2),
-                                std::pow(load_of(rows[k].estimated_S, calibration), 2), std::pow(distance.at(row), 2)},
-                     .size = std::abs(error),
-                     .weight = weight.at(row),
-                     .load = load_of(row->wrench_S, calibration),
-                     .group = validation.group[k]});
+                const auto square = [](double x) { return x * x; };
+                errors.plain.push_back({.square = {1, square(row->wrench_S[c] / full_scale),
+                                                   square(load_of(row->wrench_S, calibration)), square(distance.at(row))},
+                                        .size = std::abs(error),
+                                        .weight = weight.at(row),
+                                        .group = validation.group[k]});
                 errors.tared.push_back(errors.plain.back());
                 const auto at_rest = validation.at_rest.find(rows[k].row->session);
                 if (at_rest != validation.at_rest.end() && std::isfinite(at_rest->second[c]) && validation.drifted.empty())

@@ -62,12 +62,10 @@ Validation hold_out(const FitToValidate& of);
 std::vector<Validation> hold_out_all_ways(const FitToValidate& of, std::vector<Way>& tried,
                                           std::vector<std::string>& warnings);
 
-// Sets the sd of each component from its held-out errors: sd, sd_slope, sd_load and sd_unloading in the ratio of the largest
-// likelihood, and as large as the largest of the 68.27 % quantile of the errors, their 95 % quantile over 1.96 from 40 loads
-// on, and their 99 % quantile over 2.58 from 200 loads on; at least the root mean square of the worst session; times
-// Student's factor for few loads. Rows of one load count together as one. All of these also hold after a tare, which
+// Sets sd, sd_slope, sd_load and sd_unloading of each component from its held-out errors, as error_shape.hpp says, times
+// Student's factor for few loads. Rows of one load count together as one. All of this also holds after a tare, which
 // subtracts `at_rest` (without a stated drift of the zeros). Rows without `has_sd` do not count. Sets none if a component
-// has fewer than eight held-out rows. `takes_unloading`: sets sd_unloading, too, if it makes the others 5 % smaller.
+// has fewer than eight held-out rows. `takes_unloading`: sets sd_unloading, too.
 void set_uncertainty(const Validation& validation, Calibration& calibration, bool takes_unloading);
 
 std::array<std::array<double, 6>, 6> crosstalk(const std::vector<HeldOut>& rows, const Calibration& calibration);

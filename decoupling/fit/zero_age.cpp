@@ -174,7 +174,7 @@ bool set_zero_age(const Labelled& labelled, const Rows& rows, const SessionZeros
     for (std::size_t i = 0; i < far.size(); ++i) {
         const double seen = std::sqrt(std::max(0.0, far[i] * far[i] - near[i] * near[i]));
         if (!(far[i] * far[i] > chance * near[i] * near[i]) || !(seen > calibration.sd[i])) continue;
-        if (calibration.zero_rate_per_h.empty()) calibration.zero_rate_per_h = calibration.sd;
+        if (calibration.zero_rate_per_h.empty()) calibration.zero_rate_per_h = calibration.zero_growth_per_h();
         calibration.zero_rate_per_h[i] = seen;
         const bool is_force = component_index(calibration.components[i]) < 3;
         drifts += fmt::format("{} {} by {:.2g} {}", drifts.empty() ? "" : ",", calibration.components[i], seen,

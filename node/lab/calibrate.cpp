@@ -142,7 +142,7 @@ std::string dummy_text(const Temperature& t) {
     for (std::size_t k = 0; k < t.zero_per_K.size(); ++k)
         most = std::max(most, t.zero_per_K_sd[k] / std::abs(t.zero_per_K[k]));
     return fmt::format(" by the dummy {}, whose coefficient differs by {:.2g} % (sd{}), within {:g} K", t.dummy, 100 * most,
-                       t.dummy_per_K_sd > 0 ? ", stated, not fitted: record over 2 K" : "", t.dummy_difference_K);
+                       t.dummy_per_K_sd > 0 ? ", stated, not fitted" : "", t.dummy_difference_K);
 }
 
 void print_report(const FitReport& report, const Settings& settings) {
@@ -364,7 +364,7 @@ int calibrate(Settings settings) {
     if (const auto fits = fits_of(request.model); !fits.empty()) settings.selection.known = fits.front()->channels.includes;
     Labelled labelled = read_labelled(settings.in, settings.selection);
     fmt::print(stderr, "{}", labelled.columns);  // before the fit, which may take minutes
-    request.dummy = take_dummy(labelled, request.model, settings.dummy);
+    request.dummy = take_dummy(labelled, request.model, request.channel_unit, settings.dummy);
     check_reference(reference, labelled);
     FitReport report = fit(labelled, settings.request);
     put_reference(reference, report.calibration);

@@ -169,7 +169,7 @@ int decouple(const Settings& settings) {
     const std::string& dummy = calibration.temperature.dummy;
     const auto thermometer = csv.find(dummy.empty() ? "temperature_C" : dummy);
     if (!dummy.empty() && !thermometer)
-        csv.refuse(fmt::format("lacks the dummy {}, which shows {} the temperature", dummy, calibration.path));
+        csv.refuse(fmt::format("lacks the dummy {}; {} takes the temperature from it", dummy, calibration.path));
     std::error_code none;
     if (settings.in != "-" && settings.out != "-" && std::filesystem::equivalent(settings.in, settings.out, none))
         throw SetupError(settings.out + ": is the input too; it would be overwritten before it is read");
@@ -229,8 +229,7 @@ Run add_decouple(Command verb) {
     verb.add_option("--temperature-from-C", settings->temperature.lowest_C,
                     "with --temperature-to-C: temperature_range_C of the configuration");
     verb.add_option("--temperature-to-C", settings->temperature.highest_C, "highest temperature of the rows");
-    verb.add_option("--temperature-sd-K", settings->temperature.sd_K, "temperature_sd_K of the configuration")
-        .not_negative();
+    verb.add_option("--temperature-sd-K", settings->temperature.sd_K, "temperature_sd_K of the configuration").positive();
     verb.add_option("--temperature-difference-K", settings->temperature.difference_K,
                     "temperature_difference_K of the configuration")
         .not_negative();

@@ -25,12 +25,12 @@ RowSensor::RowSensor(const Calibration& calibration, const RowKeys& keys) {
     settings.delay_ms = keys.delay_ms;
     settings.saturates_at = keys.saturates_at;
     settings.accept_unproved_age = true;
+    settings.zero_after = "keep";  // a gap between rows is no restart of a device
     if (!is_array) put_channels(settings, calibration, setup);
     put_measuring(settings, calibration, setup);
     setup.temperature = keys.temperature;
-    if (setup.temperature_of_frame < 0 && !is_array) setup.temperature_of_frame = int(setup.frame_channels++);
-    if (setup.frame_channels > kMaxChannels)
-        throw SetupError(calibration.path + ": with a temperature, a sensor has at most 31 channels");
+    has_dummy_ = setup.temperature_of_frame >= 0;
+    if (!has_dummy_) setup.temperature_of_sensor = 0;  // judge() passes that of the row
     setup.needs_tare = setup.needs_tare && !keys.has_tare;
     setup.boot_ns = setup.clock_ns;  // a file is never suspended
     constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
@@ -49,18 +49,26 @@ Estimate RowSensor::judge(const Reading& reading, double thermometer) {
     frame.t_ns = t_ns;
     frame.missing = reading.missing;
     frame.saturated = reading.saturated;
-    if (sensor_->patch() == nullptr) {
-        const std::size_t n = reading.channel.size();
-        std::copy(reading.channel.begin(), reading.channel.end(), frame.channel.begin());
+    std::size_t n = sensor_->patch() == nullptr ? reading.channel.size() : 0;
+    std::copy_n(reading.channel.begin(), n, frame.channel.begin());
+    if (has_dummy_) {
         frame.channel[n] = thermometer;
-        frame.n_channels = std::uint8_t(n + 1);
         if (std::isnan(thermometer)) frame.missing |= 1u << n;
+        ++n;
+    } else {
+        tactiled_sample of_row{};
+        of_row.temperature_C = float(thermometer);
+        sensor_->take_temperature(of_row);
     }
+    frame.n_channels = std::uint8_t(n);
     const tactiled_sample sample = sensor_->sample(frame, t_ns, reading.taxels);
     Estimate estimate = sensor_->estimate();
     for (std::size_t i = 0; i < 3; ++i) {
         estimate.sd[i] = sample.sd_force_N[i];
         estimate.sd[i + 3] = sample.sd_torque_Nm[i];
+        if (sample.quality == TACTILED_BAD) continue;  // the daemon publishes none; a row shows that of the model
+        estimate.wrench_S[i] = sample.force_S_N[i];
+        estimate.wrench_S[i + 3] = sample.torque_S_Nm[i];
     }
     estimate.reasons = sample.reasons;
     if (is_late) estimate.reasons &= ~std::uint32_t(TACTILED_STEPPED);

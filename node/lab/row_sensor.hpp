@@ -37,6 +37,7 @@ public:
 
 private:
     std::optional<Sensor> sensor_;
+    bool has_dummy_ = false;
     std::uint64_t stale_ns_ = 0, last_ns_ = 0;
 };
 

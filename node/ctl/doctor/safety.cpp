@@ -96,6 +96,15 @@ void look_at_temperature(const SensorSettings& s, const tactiled_sensor& entry, 
         found.advice("temperature", fmt::format("sensor \"{}\": {}", s.name, says), remedy);
     };
     if (const TemperatureEffect* const effect = temperature_effect(calibration); effect != nullptr) {
+        if (!effect->channel_unit.empty() && effect->channel_unit != calibration.channel_unit) {
+            advise(
+                fmt::format(
+                    "model \"{}\" follows temperature, and its coefficient is known in {}, not in {}: every value is "
+                    "UNCERTAIN:temperature",
+                    entry.model, effect->channel_unit, calibration.channel_unit),
+                "calibrate with temperature_C over at least 2 K, or with channels in " + std::string(effect->channel_unit));
+            return;
+        }
         const bool is_uncertain = is_uncertain_at_rest(s, calibration);
         const double width_K = is_declared ? s.temperature_range_C[1] - s.temperature_range_C[0] : kRoom_K;
         const double sd_K = std::hypot(width_K, std::isfinite(s.temperature_sd_K) ? s.temperature_sd_K : kUnstated_K);

@@ -290,7 +290,7 @@ protected:
         Labelled labelled = recording(width_K);
         FitRequest request{.model = "hair", .method = "matrix", .serial = "", .channel_unit = "dR/R0", .date = ""};
         request.parameters["area_m2"] = kArea_m2;
-        request.dummy = take_dummy(labelled, "hair", {.at_C = 23, .difference_K = difference_K});
+        request.dummy = take_dummy(labelled, "hair", "dR/R0", {.at_C = 23, .difference_K = difference_K});
         return fit(labelled, request).calibration;
     }
     static Estimate at(Decoupler& decoupler, const Calibration& calibration, std::vector<double> channel) {
@@ -350,15 +350,36 @@ TEST_F(WithADummy, ADummyWithoutAValueLeavesTheHairsAsWithoutOne) {
     EXPECT_LT(std::abs(estimate.wrench_S[2] + 1000 * kArea_m2), estimate.sd[2]);
 }
 
+// Without a thermometer the reading counts as one at the reference, 23 degC.
+TEST_F(WithADummy, ADeclaredRangeFarFromTheReferenceIsInTheStandardDeviation) {
+    const Calibration calibration = calibrate(5);
+    const auto decoupler = make_decoupler(calibration);
+    decoupler->set_temperature({.lowest_C = 24.5, .highest_C = 24.5, .sd_K = 0.01});
+    std::vector<double> channel = reading(0, 1000, 1.5);
+    channel.back() = kNaN;
+    const Estimate estimate = at(*decoupler, calibration, channel);
+    EXPECT_NE(estimate.quality(), TACTILED_GOOD);
+    EXPECT_LT(std::abs(estimate.wrench_S[2] + 1000 * kArea_m2), 3 * estimate.sd[2]);
+}
+
+TEST_F(WithADummy, AnotherUnitOrADummyThatIsNotThereIsRefused) {
+    Labelled labelled = recording(1);
+    const DummyStated stated{.at_C = 23, .difference_K = 0.01};
+    EXPECT_THROW((void)take_dummy(labelled, "hair", "counts", stated), SetupError);
+    EXPECT_THROW((void)take_dummy(labelled, "generic", "", stated), SetupError);
+    (void)take_dummy(labelled, "hair", "", stated);
+    EXPECT_THROW((void)take_dummy(labelled, "hair", "", stated), SetupError) << "H0 is taken";
+}
+
 TEST_F(WithADummy, ADifferenceThatIsNotStatedIsAskedFor) {
     Labelled labelled = recording(1);
     try {
-        (void)take_dummy(labelled, "hair", {.at_C = 23});
+        (void)take_dummy(labelled, "hair", "dR/R0", {.at_C = 23});
         FAIL();
     } catch (const SetupError& error) {
         EXPECT_NE(std::string(error.what()).find("state --dummy-difference-K 0.01"), std::string::npos) << error.what();
     }
-    EXPECT_TRUE(take_dummy(labelled, "generic", {}).dummy.empty()) << "H0 is a channel of any name there";
+    EXPECT_TRUE(take_dummy(labelled, "generic", "", {}).dummy.empty()) << "H0 is a channel of any name there";
     EXPECT_EQ(labelled.channels.size(), 5u);
 }
 

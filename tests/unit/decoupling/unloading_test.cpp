@@ -109,22 +109,6 @@ TEST(Unloading, APastThatIsNotKnownIsAFullLoad) {
     EXPECT_DOUBLE_EQ(peak.next(kNaN, 2 * kMs), 1);
 }
 
-// A memory of 3 % of full scale is left at rest.
-TEST(Unloading, ARestIsALoadWithinItsUncertainty) {
-    Remembering sensor(0.05);
-    Calibration calibration = fitted(sensor);
-    for (const double sd : {0.01, 0.3}) {
-        calibration.sd = {sd, sd};
-        const auto decoupler = make_decoupler(calibration);
-        Estimate e;
-        for (std::uint64_t t_ms = 0; t_ms <= 2000; t_ms += 100) {
-            const double press = t_ms < 500 ? 8 : 0.3;
-            e = decoupler->decouple({.channel = std::vector<double>{0, press}, .t_ns = t_ms * kMs});
-        }
-        EXPECT_EQ(e.sd[2] > 2 * sd, sd == 0.01) << sd << " " << e.sd[2];
-    }
-}
-
 TEST(Unloading, ComesBackFromAFileToTheLastBit) {
     Remembering sensor(0.05);
     Calibration calibration = fitted(sensor);
