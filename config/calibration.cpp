@@ -240,13 +240,6 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
     fit.zero = file.numbers("zero", kFinite, as_many_as(calibration.channels));
     const Count each = as_many_as(calibration.components);
     fit.sd = file.numbers("sd", kNotNegative, each);
-    const bool is_array = calibration.model == "patch";  // its taxels may have no error in common
-    for (std::size_t i = 0; i < fit.sd.size(); ++i)
-        if (fit.sd[i] == 0 && !is_array)
-            file.problem("sd",
-                         fmt::format("sd[{}] = 0: no sensor is without an error; give one standard deviation in N or Nm "
-                                     "above 0, or delete sd if it is not known (then UNCERTAIN)",
-                                     i));
     fit.sd_slope = file.numbers("sd_slope", kNotNegative, each);
     fit.sd_load = file.numbers("sd_load", kNotNegative, each);
     fit.sd_unloading = file.numbers("sd_unloading", kNotNegative, each);
@@ -284,6 +277,14 @@ void read_fit(Options& file, const Calibration& calibration, Fit& fit) {
                 tables.problem(name, fmt::format("{}: its rows have {} and {} numbers; all need as many", name,
                                                  fit.tables[name].front().size(), row.size()));
     }
+    // The taxels of an array have errors of their own, and perhaps none in common.
+    const bool is_array = !calibration.taxel_files.empty() || fit.tables.contains("taxel");
+    for (std::size_t i = 0; i < fit.sd.size() && !is_array; ++i)
+        if (fit.sd[i] == 0)
+            file.problem("sd",
+                         fmt::format("sd[{}] = 0: no sensor is without an error; give one standard deviation in N or Nm "
+                                     "above 0, or delete sd if it is not known (then UNCERTAIN)",
+                                     i));
     if (!file.has("matrix") && !file.has("parameters") && !file.has("tables"))
         file.problem("matrix",
                      "key \"matrix\" is missing: a row for each component, in it N or Nm a channel_unit for each channel "
