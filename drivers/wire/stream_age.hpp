@@ -200,8 +200,8 @@ inline double StreamAge::step_by_number(const Frame& frame, double step_ns) noex
     const bool is_pause = excess_ns > stale_ns_ || x_ > up_ + kFirst_ns;
     const bool is_learned = frames_ * period_ns_ > kLearn_ns;
     const bool is_regular = std::abs(excess_ns) < advance_ns / 2 || !is_learned;
-    // Neither a pause that makes a doubt nor the frames that end it are the device's rate: all of them, or the interval is
-    // too small after the pause and x rises without a lag.
+    // Neither a pause that makes a doubt nor the frames that end it are the device's rate. If some of those frames counted,
+    // the interval would be too small afterwards, and x would rise without a lag.
     if (x_ <= paused_at_ns_ + kFirst_ns) paused_at_ns_ = kNone_ns;
     if (!is_regular && x_ + excess_ns - up_ + error_ns() >= stale_ns_) paused_at_ns_ = std::min(paused_at_ns_, x_);
     // A queue that grows stretches the interval of arrivals, but not that between proofs.
