@@ -99,6 +99,8 @@ void read_expectations(Options& scene) {
     calibrate.number("settle_s", {0, 1e3}, 0.05);
     calibrate.number("from_s", {0, 1e7}, 0);
     calibrate.text("influence", "");
+    calibrate.number("dummy_difference_K", {0, 100}, 0);
+    calibrate.number("dummy_at_C", {-273.15, 1000}, 23);
 }
 
 }  // namespace

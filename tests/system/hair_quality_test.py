@@ -10,6 +10,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import time
 import tomllib
 import unittest
 
@@ -56,8 +57,8 @@ class AsTheDaemon(unittest.TestCase):
             calibrate(ROOT / "config/scenes" / of[6:], method, path)
         return path
 
-    def record(self, scene, sensors):
-        """Records the frames of a scene; returns the file."""
+    def record(self, scene, sensors, end_s):
+        """Records the frames of a scene up to this time; returns the file."""
         text = f'[[link]]\nname = "scene"\ndriver = "sim"\nscene = "{scene}"\neffects = "all"\nspeed = {SPEED}\n\n{sensors}'
         file = self.folder / f"{scene.stem}.mcap"
         with Daemon(text) as daemon:
@@ -65,7 +66,9 @@ class AsTheDaemon(unittest.TestCase):
             recorder = subprocess.Popen([BIN / "tactilectl", "record", file, "--config", daemon.config, "--node", daemon.name],
                                         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
             with tactiled.open(daemon.name) as node:
-                wait_for(lambda: all(node.latest(name).reasons & (tactiled.STALE | tactiled.DISCONNECTED) for name in node.sensors), "the end")
+                until = time.monotonic() + end_s / SPEED
+                wait_for(lambda: time.monotonic() > until
+                         or all(node.latest(name).reasons & (tactiled.STALE | tactiled.DISCONNECTED) for name in node.sensors), "the end")
             recorder.send_signal(signal.SIGINT)
             self.assertEqual(recorder.wait(30), 0, recorder.stderr.read())
         shutil.rmtree(daemon.folder)
@@ -112,7 +115,7 @@ class AsTheDaemon(unittest.TestCase):
         channels = ["H1", "H2", "H3", "H4"] + (["H0"] if table.get("dummy") else [])
         sensors = (f'[[sensor]]\nname = "{name}"\nlink = "scene"\ndevice = {device}\nmodel = "hair"\ncalibration = "{calibration}"\n'
                    f'method = "{expect.get("method", "")}"\nchannels = {channels}\nstale_ms = {LATE_MS}\n{held}\n')
-        file = self.record(path, sensors.replace(f"stale_ms = {LATE_MS}", "stale_ms = 500"))
+        file = self.record(path, sensors.replace(f"stale_ms = {LATE_MS}", "stale_ms = 500"), expect.get("to_s", 1e3))
         frames = [(t_ns, values) for t_ns, of, values in frames_of(file) if of == device]
         self.assertGreater(len(frames), 200)
         rows, forces = self.folder / "rows.csv", self.folder / "forces.csv"
