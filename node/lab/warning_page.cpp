@@ -63,6 +63,8 @@ constexpr Cause kCauses[] = {
     {"Vp rises less and less", "Record presses in smaller steps"},
     {"no normal_curve", "Record presses in small steps up to full scale"},
     {"temperature_C covers", "Record over 2 K or more, or declare temperature_range_C"},
+    {"needed to learn zero and gain", "Record more rows with a temperature"},
+    {"does not follow the dummy", "Check this channel, or record over 2 K"},
     {"no channel follows temperature_C", "Nothing is corrected; check the thermometer's place"},
     {"was not used", "Leave the option out, or correct its name"},
 };

@@ -42,7 +42,7 @@ TEST(ZeroAge, IsTheDriftOfTheRecording) {
         const FitReport report = fit(drifting(seed, 0.1, 2), by("matrix"));
         ASSERT_EQ(report.calibration.zero_rate_per_h.size(), 2u) << seed;
         EXPECT_NEAR(report.calibration.zero_rate_per_h[0], 1, 0.1) << "N per hour";
-        EXPECT_EQ(report.calibration.zero_rate_per_h[1], report.calibration.sd[1]) << "fz does not drift";
+        EXPECT_EQ(report.calibration.zero_rate_per_h[1], report.calibration.held_out_rms[1]) << "fz does not drift";
         EXPECT_TRUE(warns(report, "the zero drifted in an hour (zero_rate_per_h): fx by"));
     }
 }
