@@ -66,9 +66,6 @@ Estimate RowSensor::judge(const Reading& reading, double thermometer) {
     for (std::size_t i = 0; i < 3; ++i) {
         estimate.sd[i] = sample.sd_force_N[i];
         estimate.sd[i + 3] = sample.sd_torque_Nm[i];
-        if (sample.quality == TACTILED_BAD) continue;  // the daemon publishes none; a row shows that of the model
-        estimate.wrench_S[i] = sample.force_S_N[i];
-        estimate.wrench_S[i + 3] = sample.torque_S_Nm[i];
     }
     estimate.reasons = sample.reasons;
     if (is_late) estimate.reasons &= ~std::uint32_t(TACTILED_STEPPED);

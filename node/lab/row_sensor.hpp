@@ -27,9 +27,10 @@ public:
 
     // The model of an array, nullptr if the sensor is none.
     [[nodiscard]] Patch* patch() const noexcept { return sensor_->patch(); }
-    // Returns the estimate of the model with quality, reasons and standard deviation of the sample. `thermometer`: of the
-    // row, the reading of a dummy or degC; NaN = unknown. A row that comes later than stale_ms has no row before it that
-    // could contradict it.
+    // Returns the estimate of the model with quality, reasons and standard deviation of the sample: the force is
+    // raw_force_S_N, with the zero of the calibration, from which the daemon also subtracts what moved at rests.
+    // `thermometer`: of the row, the reading of a dummy or degC; NaN = unknown. A row that comes later than stale_ms has no
+    // row before it that could contradict it.
     [[nodiscard]] Estimate judge(const Reading& reading, double thermometer);
 
     // Returns the parts of the standard deviation of the last row.

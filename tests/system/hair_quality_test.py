@@ -139,7 +139,7 @@ class AsTheDaemon(unittest.TestCase):
                              (QUALITY[sample.quality], sorted(words)), f"{path.stem} row {i}")
             if sample.quality == tactiled.BAD:
                 continue
-            for column, values in (("f{}_N", sample.force_S_N), ("sd_f{}_N", sample.sd_force_N)):
+            for column, values in (("f{}_N", sample.raw_force_S_N), ("sd_f{}_N", sample.sd_force_N)):
                 for axis, value in zip("xyz", values):
                     text = row[column.format(axis)]
                     told = float(text) if text else math.nan
