@@ -31,7 +31,7 @@ struct Settings {
     double budget_us = 10;  // for method auto
     double delay_ms = 0;
     double tare_s = 0;
-    bool budget = false;
+    bool budget = false, each_row_alone = false;
     double saturates_below = -std::numeric_limits<double>::infinity();
     double saturates_above = std::numeric_limits<double>::infinity();
     TemperatureInUse temperature;
@@ -160,7 +160,8 @@ int decouple(const Settings& settings) {
                                    .delay_ms = settings.delay_ms,
                                    .saturates_at = {settings.saturates_below, settings.saturates_above},
                                    .temperature = settings.temperature,
-                                   .has_tare = settings.tare_s > 0});
+                                   .has_tare = settings.tare_s > 0,
+                                   .each_alone = settings.each_row_alone});
     CsvReader csv(settings.in);
     RowTime time(csv);
     std::optional<ArrayColumns> array;
@@ -224,6 +225,9 @@ Run add_decouple(Command verb) {
     verb.add_option("--tare-s", settings->tare_s,
                     "the mean force of so many seconds at the beginning, without a load, is subtracted")
         .not_negative();
+    verb.add_flag("--each-row-alone", settings->each_row_alone,
+                  "rows in no order of time, or with labels: quality and standard deviation of the method, without the "
+                  "daemon's checks of jumps, frozen channels and the zero");
     verb.add_flag("--budget", settings->budget,
                   "also write the parts of each standard deviation and how they correlate (node/guide/uncertainty.md)");
     verb.add_option("--temperature-from-C", settings->temperature.lowest_C,

@@ -16,7 +16,7 @@ constexpr std::uint64_t kOrigin_ns = 1'000'000'000;
 
 }  // namespace
 
-RowSensor::RowSensor(const Calibration& calibration, const RowKeys& keys) {
+RowSensor::RowSensor(const Calibration& calibration, const RowKeys& keys) : each_alone_(keys.each_alone) {
     Sensor::Setup setup;
     setup.decoupler = make_decoupler(calibration, keys.method, keys.budget_us);
     const bool is_array = setup.decoupler->patch() != nullptr;
@@ -63,6 +63,7 @@ Estimate RowSensor::judge(const Reading& reading, double thermometer) {
     frame.n_channels = std::uint8_t(n);
     const tactiled_sample sample = sensor_->sample(frame, t_ns, reading.taxels);
     Estimate estimate = sensor_->estimate();
+    if (each_alone_) return estimate;
     for (std::size_t i = 0; i < 3; ++i) {
         estimate.sd[i] = sample.sd_force_N[i];
         estimate.sd[i + 3] = sample.sd_torque_Nm[i];

@@ -17,7 +17,8 @@ struct RowKeys {
     double budget_us = 10, delay_ms = 0;
     std::array<double, 2> saturates_at{};  // calibrated unit
     TemperatureInUse temperature{};
-    bool has_tare = false;  // the zero is taken from the file, so that the calibration needs no tare
+    bool has_tare = false;    // the zero is taken from the file, so that the calibration needs no tare
+    bool each_alone = false;  // rows of no stream: the quality and the sd are those of the method
 };
 
 class RowSensor {
@@ -38,7 +39,7 @@ public:
 
 private:
     std::optional<Sensor> sensor_;
-    bool has_dummy_ = false;
+    bool has_dummy_ = false, each_alone_ = false;
     std::uint64_t stale_ns_ = 0, last_ns_ = 0;
 };
 

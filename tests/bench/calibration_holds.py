@@ -20,6 +20,7 @@ import subprocess
 import tempfile
 import time
 
+import rows_alone
 from real_data import COMPONENTS, DATA, ROOT, number, rows_of, write
 
 GIVEN = None
@@ -52,7 +53,7 @@ def judge(rows, folder, full_scale):
     """Returns for each axis with labels: rms in %, share within 1 sd, share of GOOD and beyond 5 sd, median sd over
     rms."""
     write(rows, folder / "test.csv")
-    subprocess.run([GIVEN.tactilectl, "decouple", "--calibration", folder / "calibration.toml", "--in", folder / "test.csv", "--out",
+    subprocess.run([GIVEN.tactilectl, "decouple", *rows_alone.alone(GIVEN.tactilectl), "--calibration", folder / "calibration.toml", "--in", folder / "test.csv", "--out",
                     folder / "forces.csv"], check=True)
     forces, result = rows_of(folder / "forces.csv"), {}
     for label, scale in full_scale.items():

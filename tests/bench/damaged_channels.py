@@ -27,6 +27,8 @@ import subprocess
 import sys
 import tempfile
 
+import rows_alone
+
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 LABELS = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 KINDS = ("stuck", "half_gain", "drifting", "exchanged", "zero")
@@ -103,7 +105,7 @@ def damaged(kind, rows, i, k, channels, zero, span, chance):
 
 def estimated(tactilectl, calibration, rows, folder):
     write(folder / "in.csv", rows)
-    subprocess.run([tactilectl, "decouple", "--calibration", calibration, "--in", folder / "in.csv", "--out", folder / "out.csv"],
+    subprocess.run([tactilectl, "decouple", *rows_alone.alone(tactilectl), "--calibration", calibration, "--in", folder / "in.csv", "--out", folder / "out.csv"],
                    check=True, capture_output=True)
     return rows_of(folder / "out.csv")
 

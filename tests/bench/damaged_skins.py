@@ -15,6 +15,8 @@ import subprocess
 import sys
 import tempfile
 
+import rows_alone
+
 HERE = os.path.dirname(os.path.abspath(__file__))
 KINDS = ("stuck", "half", "drift", "exchanged", "dead")
 LABELS = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
@@ -64,7 +66,7 @@ def decoupled(tool, folder, recording, rows):
         file.write(",".join(["t_s", *recording.names]) + "\n")
         for t_s, row in zip(recording.times, rows):
             file.write(",".join([t_s, *(f"{number:.9g}" for number in row)]) + "\n")
-    run(tool, "decouple", "--calibration", folder + "/c.toml", "--in", folder + "/in.csv", "--out", folder + "/out.csv")
+    run(tool, "decouple", *rows_alone.alone(tool), "--calibration", folder + "/c.toml", "--in", folder + "/in.csv", "--out", folder + "/out.csv")
     with open(folder + "/out.csv", newline="") as file:
         return [(row["quality"], [float(row[name] or "nan") for name in recording.labels]) for row in csv.DictReader(file)]
 

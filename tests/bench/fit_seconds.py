@@ -21,6 +21,7 @@ import sys
 import tempfile
 import time
 
+import rows_alone
 from real_data import ROOT, number, rows_of, split, write
 
 LABELS = ("fx_N", "fy_N", "fz_N")
@@ -107,7 +108,7 @@ def main():
             points.append((math.log(n), math.log(processor)))
             print(f"rbf   {n:6} rows: {processor:6.2f} s of the processor, {clock:6.2f} s", flush=True)
         write(test, folder / "test.csv")
-        subprocess.run([given.tactilectl, "decouple", "--calibration", folder / "calibration.toml", "--in", folder / "test.csv", "--out",
+        subprocess.run([given.tactilectl, "decouple", *rows_alone.alone(given.tactilectl), "--calibration", folder / "calibration.toml", "--in", folder / "test.csv", "--out",
                         folder / "forces.csv"], check=True, capture_output=True)
         forces = rows_of(folder / "forces.csv")
         print(f"rbf   {ROWS[-1]:6} rows: " + errors_of({label: [number(row[label]) for row in forces] for label in LABELS},

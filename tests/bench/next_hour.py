@@ -19,6 +19,8 @@ import subprocess
 import sys
 import tempfile
 
+import rows_alone
+
 COMPONENTS = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
 
 
@@ -44,7 +46,7 @@ def one(program, fit, later, method):
         if done.returncode != 0:
             return fit.name, method, done.stderr.strip().splitlines()[-1:], {}, ""
         report = json.loads(done.stdout)
-        subprocess.run(tactilectl + ["decouple", "--calibration", calibration, "--in", later, "--out", forces], check=True,
+        subprocess.run(tactilectl + ["decouple", *rows_alone.alone(tactilectl[0]), "--calibration", calibration, "--in", later, "--out", forces], check=True,
                        capture_output=True)
         truth, estimates, rates = rows_of(later), rows_of(forces), rates_of(calibration)
         end_s, result = float(truth[0]["t_s"]), {}

@@ -16,6 +16,8 @@ import sys
 import tempfile
 import time
 
+import rows_alone
+
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 DATA = ROOT / "tests" / "data"
 COMPONENTS = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
@@ -61,7 +63,7 @@ def judge(name, method, tactilectl, folder):
     if done.returncode != 0:
         print(f"{name:7} {method:10} refused: {done.stderr.strip()}")
         return
-    subprocess.run([tactilectl, "decouple", "--calibration", folder / "calibration.toml", "--in", folder / "test.csv", "--out",
+    subprocess.run([tactilectl, "decouple", *rows_alone.alone(tactilectl), "--calibration", folder / "calibration.toml", "--in", folder / "test.csv", "--out",
                     folder / "forces.csv"], check=True)
     forces = rows_of(folder / "forces.csv")
     parts = []

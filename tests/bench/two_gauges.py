@@ -16,6 +16,8 @@ import subprocess
 import sys
 import tempfile
 
+import rows_alone
+
 S1_M, S2_M, STRAIN_PER_Nm, NOISE = 5e-3, 15e-3, 635e-6, 0.03e-6  # aluminium, 15 by 3 mm
 FORCES_N = [0.5 * k for k in range(1, 21)]
 PLACES_M = [5e-3 * k for k in range(5, 12)]  # from the clamp
@@ -67,7 +69,7 @@ def number(cell):
 def decoupled(args, folder, calibration, loads, rng):
     """The truth and the forces of a recording, row by row."""
     truth = write(folder / "signals.csv", loads, rng, args.origin_mm / 1e3, False)
-    ctl(args, "decouple", "--calibration", calibration, "--in", folder / "signals.csv", "--out", folder / "forces.csv")
+    ctl(args, "decouple", *rows_alone.alone(args.bin / "tactilectl"), "--calibration", calibration, "--in", folder / "signals.csv", "--out", folder / "forces.csv")
     with (folder / "forces.csv").open() as file:
         return list(zip(truth, csv.DictReader(file), strict=True))
 

@@ -102,7 +102,7 @@ class Certificates(unittest.TestCase):
         """Calibrates, checks that the schema's order is kept, and returns the differences and {figure: [(load, part)]}."""
         done = self.calibrate(rows, "--certificate", self.folder / "skin.xml", *words)
         self.assertEqual(done.returncode, 0, done.stderr)
-        done = self.run_it("decouple", "--calibration", self.folder / "skin.toml", "--in", rows, "--out", self.folder / "forces.csv", *LIMITS)
+        done = self.run_it("decouple", "--each-row-alone", "--calibration", self.folder / "skin.toml", "--in", rows, "--out", self.folder / "forces.csv", *LIMITS)
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(list(faults(ET.parse(self.folder / "skin.xml").getroot())), [])
         figures = {}
