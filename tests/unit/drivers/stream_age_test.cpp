@@ -211,9 +211,7 @@ TEST(StreamAge, AQueueThatWasReleasedLeavesNoDoubt) {
         device.run(155);
         for (int i = 0; i < 100; ++i) {
             const Frame frame = device.next(1000 - 10 * i);
-            if (i < 85) {
-                ASSERT_EQ(frame.age, Age::unproved) << i;
-            }
+            if (i < 85) { ASSERT_EQ(frame.age, Age::unproved) << i; }
         }
         for (int i = 0; i < 2000; ++i) ASSERT_NE(device.next().age, Age::unproved) << i;
     }
