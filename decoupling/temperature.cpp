@@ -76,6 +76,8 @@ public:
         const Effect per_K = effect_of_a_kelvin(std::isfinite(width_K) ? width_K : kStep_K);
         measured_ = term(per_K, std::isfinite(in_use.sd_K) ? std::hypot(difference_K, sd_K) : difference_K, difference_K);
         unmeasured_ = term(per_K, std::hypot(width_K, sd_K), difference_K);
+        const double gain_sd = std::isfinite(width_K) ? gain_sd_per_K_ * std::hypot(width_K, sd_K) : 0;
+        unmeasured_.gain_squared += gain_sd * gain_sd;
         // The coefficient of the dummy errs in all channels together, those of the channels err each.
         const double scale_sd = temperature_.dummy_per_K_sd / std::abs(temperature_.dummy_per_K);
         for (std::size_t c = 0; c < 6 && is_fitted_; ++c) {

@@ -204,10 +204,8 @@ inline double Sensor::temperature_C(const Frame& frame) noexcept {
     if (setup_.temperature_of_sensor < 0) {
         if (setup_.temperature_of_frame < 0) return kNaN;
         const auto i = std::size_t(setup_.temperature_of_frame);
-        const double value = frame.channel[i];
-        const bool is_within = !(value <= tuning_->saturates_at[0] || value >= tuning_->saturates_at[1]);
-        const bool is_valid = is_within && ((frame.missing | frame.saturated) >> i & 1u) == 0;
-        t_C = is_valid ? setup_.temperature_at_0_C + setup_.temperature_per_unit_K * value : kNaN;
+        const bool is_valid = ((frame.missing | frame.saturated) >> i & 1u) == 0;
+        t_C = is_valid ? setup_.temperature_at_0_C + setup_.temperature_per_unit_K * frame.channel[i] : kNaN;
     }
     return thermometer_.judge(t_C, frame.t_ns);
 }

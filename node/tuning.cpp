@@ -36,14 +36,14 @@ void put_frozen(const Calibration& calibration, Tuning& tuning) {
 }
 
 // A dummy is one more channel of the converter that the others have, so it may repeat a number as often as each of them may;
-// for ever, if one may, or only for a time. It follows the temperature as fast as they do: no step of it is too fast.
+// for ever, if one may or if that is not known. It follows the temperature as fast as they do: no step of it is too fast.
 void put_thermometer(const SensorSettings& settings, const Calibration& calibration, Tuning& tuning) {
     const bool is_dummy = !calibration.temperature.dummy.empty();
     unsigned after = tuning.noisy && !settings.temperature.empty() ? unsigned(kFrozenAfter) : 0;
-    bool may_repeat = false;
+    bool may_repeat = calibration.repeats.readings.empty() && !tuning.noisy;
     for (std::size_t k = 0; is_dummy && k < calibration.channels.size(); ++k) {
         const Tuning::Frozen& one = tuning.frozen_of[k];
-        may_repeat |= one.after == 0 || one.ns > 0;
+        may_repeat |= one.after == 0;
         after = std::max(after, one.after);
     }
     tuning.thermometer_frozen_after = settings.temperature_frozen_after >= 0 ? unsigned(settings.temperature_frozen_after)

@@ -14,11 +14,12 @@ struct Tail {
     double share, sds;
 };
 constexpr Tail kWithinOne{0.6827, 1};
-constexpr Tail kTails[] = {kWithinOne, {0.95, 1.96}, {0.99, 2.576}};
-// Standard errors: a smaller difference may be chance. Of the thirty counts that a component compares, chance exceeds one in
-// less than 1 % of the calibrations.
-constexpr double kSure = 3.5;
+// The last one is for single loads: of few, chance leaves none so far off.
+constexpr Tail kTails[] = {kWithinOne, {0.95, 1.96}, {0.99, 2.576}, {0.99999, 4.417}};
+constexpr double kSure = 3.5;              // standard errors: a smaller difference may be chance
 constexpr std::size_t kRowsOfAGroup = 10;  // minimum number of rows of a group whose root mean square counts
+// A part below this share of the variance of every row changes no standard deviation by more than 2.5 %, and is left out.
+constexpr double kNoPart = 0.05;
 constexpr int kSteps = 200;
 // The parts are in the ratio that so many errors give, evenly from all; their size is that of all.
 constexpr std::size_t kMaxErrorsOfShape = 5'000;
@@ -34,11 +35,11 @@ double variance(const Error& error, const Parts& parts) {
 // taken to have besides those of the recording, so that the constant is small only if there are rests with small errors.
 void step(const Errors& errors, double before, Parts& parts) {
     Parts of_errors{2 * before / parts[kConstant] / parts[kConstant]}, of_variances{2 / parts[kConstant]};
-    const std::size_t each = (errors.plain.size() - 1) / kMaxErrorsOfShape + 1;
+    const std::size_t n = errors.plain.size(), used = std::min(n, kMaxErrorsOfShape);
     for (const auto* of : {&errors.plain, &errors.tared})
-        for (std::size_t i = 0; i < of->size(); i += each) {
-            const Error& error = (*of)[i];
-            const double inverse = 1 / variance(error, parts), weight = double(each) * error.weight * inverse;
+        for (std::size_t i = 0; i < used; ++i) {
+            const Error& error = (*of)[i * n / used];
+            const double inverse = 1 / variance(error, parts), weight = double(n) / double(used) * error.weight * inverse;
             const double ratio = error.size * error.size * inverse;
             for (std::size_t k = 0; k < kParts; ++k) {
                 of_errors[k] += weight * error.square[k] * ratio;
@@ -66,26 +67,28 @@ double log_likelihood(const Errors& errors, double before, const Parts& parts) {
     return -sum / 4;
 }
 
-// Returns the likeliest parts, of which each but the constant makes the errors likelier beyond chance.
+// Returns the likeliest parts. Unloading is one only if it makes the errors likelier beyond chance: without it the others
+// are larger.
 Parts likeliest(const Errors& errors, const Allowed& allowed) {
     const double mean = (mean_square(errors.plain) + mean_square(errors.tared)) / 2;
     if (!(mean > 0)) return {};
-    const auto fitted = [&](Parts parts) {
+    const auto fitted = [&](bool unloading) {
+        Parts parts{mean, mean, allowed.load ? mean : 0, unloading ? mean : 0};
         for (int i = 0; i < kSteps; ++i) step(errors, mean, parts);
         return parts;
     };
-    Parts start{mean, mean, allowed.load ? mean : 0, allowed.unloading ? mean : 0};
-    Parts best = fitted(start);
-    for (const Part part : {kUnloading, kLoad, kSlope}) {
-        if (start[part] == 0) continue;
-        Parts without = start;
-        without[part] = 0;
-        const Parts other = fitted(without);
-        if (log_likelihood(errors, mean, best) - log_likelihood(errors, mean, other) > kSure * kSure / 2) continue;
-        start = without;
-        best = other;
+    Parts parts = fitted(false);
+    if (allowed.unloading) {
+        const Parts other = fitted(true);
+        if (log_likelihood(errors, mean, other) - log_likelihood(errors, mean, parts) > kSure * kSure / 2) parts = other;
     }
-    return best;
+    for (const Part part : {kSlope, kLoad}) {
+        double share = 0;
+        for (const Error& error : errors.plain)
+            share = std::max(share, parts[part] * error.square[part] / variance(error, parts));
+        if (share < kNoPart) parts[part] = 0;
+    }
+    return parts;
 }
 
 // An error in units of its standard deviation, the square of its load, and its weight.
@@ -114,7 +117,8 @@ double not_contradicted(double scale, std::span<Ratio> ratios) {
     double needed = scale;
     for (const Tail& tail : kTails) {
         const double expected = tail.share * loads, chance = kSure * std::sqrt(expected * (1 - tail.share));
-        if (scale_at(ratios, expected - chance, tail) > scale) needed = std::max(needed, scale_at(ratios, expected, tail));
+        if (expected > chance && scale_at(ratios, expected - chance, tail) > scale)
+            needed = std::max(needed, scale_at(ratios, expected, tail));
     }
     return needed;
 }
@@ -138,15 +142,20 @@ double scale_for(const std::vector<Error>& errors, const Parts& parts) {
 
 // Returns the root mean square of the errors of the group in which it is largest, in units of their standard deviation.
 double worst_group(const std::vector<Error>& errors, const Parts& parts) {
-    std::map<std::size_t, std::pair<double, std::size_t>> squares;
+    struct Sum {
+        double squares = 0, loads = 0;
+        std::size_t rows = 0;
+    };
+    std::map<std::size_t, Sum> sums;
     for (const Error& error : errors) {
-        auto& [sum, n] = squares[error.group];
-        sum += error.size * error.size / variance(error, parts);
-        ++n;
+        Sum& sum = sums[error.group];
+        sum.squares += error.weight * error.size * error.size / variance(error, parts);
+        sum.loads += error.weight;
+        ++sum.rows;
     }
     double worst = 0;
-    for (const auto& [group, sum] : squares)
-        if (sum.second >= kRowsOfAGroup) worst = std::max(worst, std::sqrt(sum.first / double(sum.second)));
+    for (const auto& [group, sum] : sums)
+        if (sum.rows >= kRowsOfAGroup) worst = std::max(worst, std::sqrt(sum.squares / sum.loads));
     return worst;
 }
 

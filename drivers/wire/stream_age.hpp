@@ -279,6 +279,7 @@ inline void StreamAge::prove(double delay_ns) noexcept {
     up_ = contradicts ? x_ : up_;
     low_ = std::min(low_, up_);
     release();
+    paused_at_ns_ = kNone_ns;
     if (!is_clock_) return measure_interval(delay_ns);
     const Anchor now{time_ns_, (up_ + low_) / 2, is_direct() ? kJitter_ns / 2 : (up_ - low_) / 2, true};
     if (!first_.is_set) first_ = now;

@@ -155,6 +155,8 @@ int decouple(const Settings& settings) {
     if (std::isnan(lowest_C) != std::isnan(highest_C) || lowest_C > highest_C)
         throw SetupError(
             "--temperature-from-C and --temperature-to-C: the lowest and the highest temperature, both or none");
+    if (settings.budget && settings.each_row_alone)
+        throw SetupError("--budget is that of a sample of the daemon; delete --each-row-alone");
     RowSensor sensor(calibration, {.method = settings.method,
                                    .budget_us = settings.budget_us,
                                    .delay_ms = settings.delay_ms,

@@ -26,6 +26,11 @@ RowSensor::RowSensor(const Calibration& calibration, const RowKeys& keys) : each
     settings.saturates_at = keys.saturates_at;
     settings.accept_unproved_age = true;
     settings.zero_after = "keep";  // a gap between rows is no restart of a device
+    if (each_alone_) {
+        settings.frozen_after = settings.temperature_frozen_after = 0;
+        settings.temperature_jump_K = std::numeric_limits<double>::infinity();
+        settings.accept_too_quiet = true;
+    }
     if (!is_array) put_channels(settings, calibration, setup);
     put_measuring(settings, calibration, setup);
     setup.temperature = keys.temperature;

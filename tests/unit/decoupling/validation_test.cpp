@@ -351,6 +351,36 @@ TEST(Uncertainty, FallsAsFarAsTheErrorsDo) {
     EXPECT_NEAR(stated_sd(recording.calibration, 0, {0, kNaN, -10, kNaN, kNaN, kNaN}), 0.2, 0.03);
 }
 
+// Errors that grow with the load, of twenty loads: one sd for all of them would be too small at full load.
+TEST(Uncertainty, GrowsWithTheLoadOfAFewLoads) {
+    std::mt19937_64 random(8);
+    std::normal_distribution<double> normal(0, 1);
+    std::uniform_real_distribution<double> uniform(0, 1);
+    std::vector<double> stated;
+    for (int calibration = 0; calibration < 51; ++calibration) {
+        TwoAxes recording;
+        for (int i = 0; i < 20; ++i) {
+            const double fz = -10 * uniform(random);
+            recording.add(2 * uniform(random), fz, std::hypot(0.01, 0.02 * fz) * normal(random));
+        }
+        set_uncertainty(recording.validation, recording.calibration, false);
+        stated.push_back(stated_sd(recording.calibration, 0, {0, kNaN, -10, kNaN, kNaN, kNaN}));
+    }
+    std::nth_element(stated.begin(), stated.begin() + 25, stated.end());
+    EXPECT_NEAR(stated[25], 0.2, 0.04);
+}
+
+// One load of thirty is off by twenty standard deviations: no chance.
+TEST(Uncertainty, SeesASingleLoadThatIsFarOff) {
+    std::mt19937_64 random(8);
+    std::normal_distribution<double> normal(0, 1);
+    std::vector<LabelledRow> rows;
+    std::vector<double> errors(30);
+    for (double& error : errors) error = normal(random);
+    errors[7] = 20;
+    EXPECT_GT(sd_found(errors_of(errors, rows, 1), 5), 4);
+}
+
 // A single load at rest, without an error, says little about the errors of small loads.
 TEST(Uncertainty, DoesNotFallWithoutRests) {
     std::mt19937_64 random(8);
