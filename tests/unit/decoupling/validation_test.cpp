@@ -1,6 +1,7 @@
 // Held-out errors of dead-weight calibrations, and the standard deviation that follows from held-out errors.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <stdexcept>
