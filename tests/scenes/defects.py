@@ -38,7 +38,7 @@ def played(job):
         for sensor, expect in scene.expectations:
             calibration, forces = calibration_of(scene, expect, calibrations), folder / "forces.csv"
             method = ("--method", expect["method"]) if "method" in expect else ()
-            run_ctl("decouple", "--calibration", calibration, *method, *constant_temperature_words(calibration),
+            run_ctl("decouple", "--each-row-alone", "--calibration", calibration, *method, *constant_temperature_words(calibration),
                     "--delay-ms", DELAY_MS.get(path.stem, 0), "--in", signals[sensor], "--out", forces)
             series = read_forces(forces)
             begin_s, end_s = span_s(expect)
