@@ -217,7 +217,7 @@ class Edges(unittest.TestCase):
         self.assertEqual(sorted(OPEN - matrix.shown.keys()), [], "no longer shown: remove these from OPEN")
 
     def test_the_page_is_what_the_test_prints(self):
-        self.assertEqual(PAGE.read_text(), page(OPEN))
+        self.assertEqual(PAGE.read_text(), page(OPEN), "write it anew: edges_test.py --page")
 
 
 if __name__ == "__main__":
