@@ -77,7 +77,7 @@ void set_uncertainty(const Validation& validation, Calibration& calibration, boo
         for (std::size_t k = 0; k < rows.size(); ++k)
             if (const double error = rows[k].estimated_S[c] - rows[k].row->wrench_S[c];
                 std::isfinite(error) && states_sd(k)) {
-                // Of the labels: an estimate contains its error, so that large errors would seem to belong to large loads.
+                // The load is that of the label, because an estimate contains its error.
                 const LabelledRow* const row = validation.rows[k].row;
                 const auto square = [](double x) { return x * x; };
                 errors.plain.push_back({.square = {1, square(row->wrench_S[c] / full_scale),
