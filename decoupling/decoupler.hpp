@@ -19,6 +19,10 @@ namespace tactiled {
 
 inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
+// Six components: fx fy fz (N), mx my mz (Nm), frame S. NaN = not measured by this sensor, or BAD.
+using Wrench = std::array<double, 6>;
+inline constexpr Wrench kUnseen{kNaN, kNaN, kNaN, kNaN, kNaN, kNaN};
+
 // The channels of one sensor at one time, in the order of Calibration::channels and in its unit.
 struct Reading {
     std::span<const double> channel;  // NaN where missing
@@ -28,11 +32,8 @@ struct Reading {
     std::uint64_t t_ns = 0;
     double temperature_C = kNaN;  // temperature of the sensor; NaN = unknown
     Taxels taxels{};              // raw values of an array, which has no channels
+    Wrench zero_S{};              // of the tare, which is subtracted later: rest and load begin there
 };
-
-// Six components: fx fy fz (N), mx my mz (Nm), frame S. NaN = not measured by this sensor, or BAD.
-using Wrench = std::array<double, 6>;
-inline constexpr Wrench kUnseen{kNaN, kNaN, kNaN, kNaN, kNaN, kNaN};
 
 // The temperature of a sensor in use, as declared by the user.
 struct TemperatureInUse {

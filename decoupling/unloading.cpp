@@ -20,7 +20,9 @@ public:
             peak_.forget();
             return estimate;
         }
-        const double below_peak = peak_.next(scale_.of(estimate.wrench_S), reading.t_ns);
+        Wrench tared = estimate.wrench_S;
+        for (std::size_t c = 0; c < tared.size(); ++c) tared[c] -= reading.zero_S[c];
+        const double below_peak = peak_.next(scale_.of(tared), reading.t_ns);
         // Squares, because hypot() takes several times as long. NaN: not measured, or sd unknown.
         for (std::size_t c = 0; c < sd_.size(); ++c) {
             const double more = sd_[c] * below_peak;

@@ -1,6 +1,6 @@
 // The part of the standard deviation due to hysteresis and a first press: after a larger load, a sensor reads a load
-// differently than on the way up. With the load L, the magnitude of the force relative to the largest full scale, and its
-// peak since the last rest, the standard deviation of a component becomes hypot(sd, sd_unloading (peak - L)).
+// differently than on the way up. With the load L, the magnitude of the tared force relative to the largest full scale, and
+// its peak since the last rest, the standard deviation of a component becomes hypot(sd, sd_unloading (peak - L)).
 // fit/uncertainty.cpp determines sd_unloading from loading and unloading in the calibration's rows; it is 0 if it does not
 // reduce the other terms.
 #pragma once

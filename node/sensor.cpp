@@ -195,6 +195,7 @@ inline Reading Sensor::read(const Frame& frame, std::array<double, kMaxChannels>
     }
     reading.channel = {channel_.data(), n};
     reading.t_ns = frame.t_ns;
+    reading.zero_S = zero_S();
     return reading;
 }
 

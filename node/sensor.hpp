@@ -189,7 +189,7 @@ public:
     // Returns true if, with method "auto", a method still needs its zero from the last tare.
     [[nodiscard]] bool is_finding_zeros() const noexcept { return zero_.has_more_to_find(); }
     // Continues with the tare of an earlier run, `age_ns` ago, which is doubted unless the first force is the last one of
-    // that run, or marks that tare as lost. Before the first sample. setup
+    // that run, or marks that tare as lost. Before the first sample, or for the rows of a file after those of a tare. setup
     void restore_zero(const TaredZero& zero, std::int64_t age_ns, const std::optional<LastForce>& last) noexcept;
     void lose_zero() noexcept { zero_.lose(); }
     // Returns the zero that was subtracted from the raw wrench of the last sample, from its publication to the next sample.

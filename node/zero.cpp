@@ -103,6 +103,7 @@ void Zero::restore(const TaredZero& zero, std::int64_t age_ns) noexcept {
     tare_count_ = zero.tare_count;
     unknown_ = zero.unknown;
     of_method_ = zero.of_method;
+    error_.forget_rests();
 }
 
 // A method that has begun to run since the tare keeps its state; its zero is computed when it no longer runs.

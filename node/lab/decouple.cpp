@@ -93,16 +93,20 @@ private:
 // until it is known.
 class Tare {
 public:
-    Tare(double duration_s, bool is_array, ForcesWriter& forces)
-        : duration_s_(duration_s), is_array_(is_array), forces_(forces) {}
+    Tare(double duration_s, RowSensor& sensor, ForcesWriter& forces)
+        : duration_s_(duration_s), is_array_(sensor.patch() != nullptr), sensor_(sensor), forces_(forces) {}
+
+    // Ends the tare if the row at `t_s` is not one of its rows. Before the row is judged.
+    void look_at(double t_s) {
+        if (!until_s_) until_s_ = t_s + duration_s_;
+        if (t_s >= *until_s_) end();
+    }
 
     void write(double t_s, Estimate estimate, const tactiled_budget& budget) {
-        if (!until_s_) until_s_ = t_s + duration_s_;
-        if (!ended_ && t_s < *until_s_) {
+        if (!ended_) {
             waiting_.push_back({t_s, estimate, budget});
             return;
         }
-        end();
         for (std::size_t c = 0; c < zero_S_.size(); ++c) estimate.wrench_S[c] -= zero_S_[c];
         // The place of Sensor::put_place(); the taxels of an array are not tared here.
         if (is_array_ && duration_s_ > 0) {
@@ -128,6 +132,7 @@ public:
         for (std::size_t c = 0; c < zero_S_.size(); ++c)
             for (const Row& row : waiting_)
                 if (row.estimate.quality() == best) zero_S_[c] += row.estimate.wrench_S[c] / n;
+        if (!is_array_) sensor_.tare(zero_S_);
         for (const Row& row : std::exchange(waiting_, {})) write(row.t_s, row.estimate, row.budget);
     }
 
@@ -140,6 +145,7 @@ private:
 
     double duration_s_;
     bool is_array_;
+    RowSensor& sensor_;
     ForcesWriter& forces_;
     std::optional<double> until_s_;
     std::vector<Row> waiting_;
@@ -182,7 +188,7 @@ int decouple(const Settings& settings) {
                    "a load, and use --tare-s\n",
                    settings.calibration);
     ForcesWriter forces(settings.out, settings.budget);
-    Tare tare(settings.tare_s, sensor.patch() != nullptr, forces);
+    Tare tare(settings.tare_s, sensor, forces);
     std::vector<double> channel(columns.size());
     std::optional<double> origin_s;  // subtracted from the times for the models, which must not be negative
     while (csv.next()) {
@@ -200,6 +206,7 @@ int decouple(const Settings& settings) {
                 reading.saturated |= 1u << k;
         }
         if (array) reading.taxels = array->read(csv);
+        tare.look_at(t_s);
         const Estimate estimate = sensor.judge(reading, thermometer ? csv.number(*thermometer) : kNaN);
         tare.write(t_s, estimate, sensor.budget());
     }

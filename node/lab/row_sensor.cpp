@@ -78,4 +78,10 @@ Estimate RowSensor::judge(const Reading& reading, double thermometer) {
     return estimate;
 }
 
+void RowSensor::tare(const Wrench& zero_S) {
+    TaredZero tared{.tare_count = 1};
+    tared.of_method.fill(zero_S);
+    sensor_->restore_zero(tared, 0, std::nullopt);
+}
+
 }  // namespace tactiled::ctl

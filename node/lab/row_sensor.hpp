@@ -34,6 +34,9 @@ public:
     // row before it that could contradict it.
     [[nodiscard]] Estimate judge(const Reading& reading, double thermometer);
 
+    // The rows until now had no load, and this mean force, with the zero of the calibration.
+    void tare(const Wrench& zero_S);
+
     // Returns the parts of the standard deviation of the last row.
     [[nodiscard]] const tactiled_budget& budget() const noexcept { return sensor_->placed().budget; }
 

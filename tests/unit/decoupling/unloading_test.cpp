@@ -118,5 +118,22 @@ TEST(Unloading, ComesBackFromAFileToTheLastBit) {
     EXPECT_EQ(problems.lines(), std::vector<std::string>{});
 }
 
+TEST(Unloading, ATareIsWhereRestAndLoadBegin) {
+    Remembering sensor(0.05);
+    const Calibration calibration = fitted(sensor);
+    // A tool of 5 % of full scale hangs on the sensor.
+    const double hanging = -0.05 * calibration.full_scale[1];
+    const auto at_rest = [&](const Wrench& zero_S) {
+        const auto decoupler = make_decoupler(calibration);
+        Estimate e;
+        const double channel[] = {0, -hanging};
+        for (std::uint64_t t_ns = 0; t_ns <= 1000 * kMs; t_ns += 100 * kMs)
+            e = decoupler->decouple({.channel = channel, .t_ns = t_ns, .zero_S = zero_S});
+        return e.sd[2];
+    };
+    EXPECT_GT(at_rest({}), 0.9 * calibration.sd_unloading[1]) << "never a rest: the past is unknown";
+    EXPECT_LT(at_rest({0, 0, hanging}), 0.5 * calibration.sd_unloading[1]);
+}
+
 }  // namespace
 }  // namespace tactiled
