@@ -133,13 +133,13 @@ private:
         if (is_large) estimate.reasons |= TACTILED_TEMPERATURE;
     }
 
-    // Returns the change of the wrench per kelvin, from half of `step_K` below to half of it above the reading `at`; for all
-    // channels, or for channel `only`.
-    [[nodiscard]] Wrench change(Decoupler& examined, const std::vector<double>& at, double step_K,
-                                std::size_t only) const noexcept {
+    // Returns the change of the wrench per kelvin, from half of `step_K` below to half of it above the reading `at`, if the
+    // channels change by `per_K`; for all channels, or for channel `only`.
+    [[nodiscard]] Wrench change(Decoupler& examined, const std::vector<double>& at, const std::vector<double>& per_K,
+                                double step_K, std::size_t only) const noexcept {
         double above[kMaxChannels], below[kMaxChannels];
         for (std::size_t k = 0; k < n_; ++k) {
-            const double half = only == kAll || only == k ? zero_per_K_[k] * step_K / 2 : 0;
+            const double half = only == kAll || only == k ? per_K[k] * step_K / 2 : 0;
             above[k] = at[k] + half;
             below[k] = at[k] - half;
         }
@@ -147,9 +147,21 @@ private:
         examined.forget();
         const Estimate b = examined.decouple({.channel = {below, n_}});
         examined.forget();
-        Wrench per_K;
-        for (std::size_t c = 0; c < 6; ++c) per_K[c] = (a.wrench_S[c] - b.wrench_S[c]) / step_K;
-        return per_K;
+        Wrench change;
+        for (std::size_t c = 0; c < 6; ++c) change[c] = (a.wrench_S[c] - b.wrench_S[c]) / step_K;
+        return change;
+    }
+
+    // Returns the root of the sum of the squares of the changes by each channel alone.
+    [[nodiscard]] Wrench root_of_changes(Decoupler& examined, const std::vector<double>& at,
+                                         const std::vector<double>& per_K, double step_K) const noexcept {
+        Wrench squares{};
+        for (std::size_t k = 0; k < n_; ++k) {
+            const Wrench one = change(examined, at, per_K, step_K, k);
+            for (std::size_t c = 0; c < 6; ++c) squares[c] += one[c] * one[c];
+        }
+        for (double& square : squares) square = std::sqrt(square);
+        return squares;
     }
 
     // Returns the largest effect at no load and at the middle of the calibration's rows, over one kelvin and over the range,
@@ -165,22 +177,11 @@ private:
         for (const std::vector<double>* at : {&zero_, &middle_}) {
             if (at->size() != n_) continue;
             for (const double step_K : {kStep_K, std::max(kStep_K, width_K)}) {
-                take(largest.alike, change(*examined, *at, step_K, kAll));
-                Wrench squares{}, of_coefficients{};
-                for (std::size_t k = 0; k < n_; ++k) {
-                    const Wrench one = change(*examined, *at, step_K, k);
-                    const double sd = temperature_.zero_per_K_sd.empty() || zero_per_K_[k] == 0
-                                          ? 0
-                                          : temperature_.zero_per_K_sd[k] / zero_per_K_[k];
-                    for (std::size_t c = 0; c < 6; ++c) {
-                        squares[c] += one[c] * one[c];
-                        of_coefficients[c] += sd * one[c] * sd * one[c];
-                    }
-                }
-                for (Wrench* const root : {&squares, &of_coefficients})
-                    for (double& square : *root) square = std::sqrt(square);
-                take(largest.each, squares);
-                take(largest.coefficient, of_coefficients);
+                take(largest.alike, change(*examined, *at, zero_per_K_, step_K, kAll));
+                take(largest.each, root_of_changes(*examined, *at, zero_per_K_, step_K));
+                take(largest.coefficient, temperature_.zero_per_K_sd.empty()
+                                              ? Wrench{}
+                                              : root_of_changes(*examined, *at, temperature_.zero_per_K_sd, step_K));
             }
         }
         return largest;

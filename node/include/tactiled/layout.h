@@ -150,7 +150,8 @@ enum tactiled_use {
       "outside the calibrated domain", "reduce the load; without a load tare it")                                           \
     X(TEMPERATURE, "temperature", TACTILED_UNCERTAIN, 27, "TEMPERATURE", TACTILED_FOR_ZERO | TACTILED_FOR_WEIGHT,           \
       "temperature: unknown, or outside its range",                                                                         \
-      "mount a dummy or a thermometer, or declare how well the temperature is known (tactilectl check has the line)")       \
+      "mount a dummy or a thermometer, calibrate with it, and declare how well it is known (tactilectl check has the "      \
+      "line)")                                                                                                              \
     X(TOO_QUIET, "too-quiet", TACTILED_UNCERTAIN, 25, "TOO_QUIET", 0,                                                       \
       "less noise than in its calibration: another range, unit, order of bytes or firmware",                                \
       "restore the settings of the device and restart the daemon, or calibrate it again; if it may be so quiet, write "     \
