@@ -45,8 +45,8 @@ struct Fit {
     std::vector<std::vector<double>> matrix;  // components x channels: N or Nm per channel_unit
     std::map<std::string, double> parameters;
     std::map<std::string, std::vector<std::vector<double>>> tables;  // rows of numbers: centres, weights ...
-    // Per component, N or Nm; empty = unknown. At least 68 % of the errors on held-out data are below hypot(sd, sd_slope *
-    // |component|, sd_load * load), 95 % below 1.96 times and 99 % below 2.58 times that. The load is the magnitude of the
+    // Per component, N or Nm; empty = unknown. The root mean square of the errors on held-out data is hypot(sd, sd_slope *
+    // |component|, sd_load * load). The load is the magnitude of the
     // force as a part of the greatest full scale (decoupling/solve/load_scale.hpp).
     std::vector<double> sd, sd_slope, sd_load;
     // Per component, N or Nm; empty = 0. Increases the standard deviation to hypot(the above, sd_unloading (peak - load)),

@@ -4,7 +4,7 @@
 //   variance = hidden + (moved / 3)^2 + (stepped / 3)^2 + (doubted / 3)^2 + (rate t)^2 + shift^2
 //
 //   t        time since the last tare, removal of a tare or free rest
-//   rate     what calibrate has seen (zero_rate_per_h), else the standard deviation of the force in each hour
+//   rate     what calibrate has seen (zero_rate_per_h), else the held-out error of the force in each hour
 //   hidden   0 after a tare; K sd^2 after a free rest
 //   moved    K Y, by which free rests have moved the zero since the tare; all of it may be a load that grows slowly
 //   stepped  the sum of what the device may have moved at each restart since then, without a difference that was seen

@@ -3,20 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <span>
-#include <utility>
+#include <numeric>
 
 namespace tactiled {
 namespace {
 
-// Shares of normal errors, and the corresponding number of standard deviations.
-struct Tail {
-    double share, sds;
-};
-constexpr Tail kWithinOne{0.6827, 1};
-// The last one is for single loads: of few, chance leaves none so far off.
-constexpr Tail kTails[] = {kWithinOne, {0.95, 1.96}, {0.99, 2.576}, {0.99999, 4.417}};
-constexpr double kSure = 3.5;              // standard errors: a smaller difference may be chance
+constexpr double kSure = 3.5;              // standard deviations: a smaller difference may be chance
 constexpr std::size_t kRowsOfAGroup = 10;  // minimum number of rows of a group whose root mean square counts
 // A part below this share of the variance of every row changes no standard deviation by more than 2.5 %, and is left out.
 constexpr double kNoPart = 0.05;
@@ -91,72 +83,44 @@ Parts likeliest(const Errors& errors, const Allowed& allowed) {
     return parts;
 }
 
-// An error in units of its standard deviation, the square of its load, and its weight.
-struct Ratio {
-    double ratio, load_squared, weight;
+struct Sum {
+    double squares = 0, loads = 0;
+    std::size_t rows = 0;
+    void add(const Error& error, double square) {
+        squares += error.weight * square;
+        loads += error.weight;
+        ++rows;
+    }
+    [[nodiscard]] double mean() const { return squares / loads; }
 };
 
-double loads_of(std::span<const Ratio> ratios) {
-    double loads = 0;
-    for (const Ratio& each : ratios) loads += each.weight;
-    return loads;
-}
+// Returns the factor by which the mean square of so many normal errors exceeds their variance by chance: Wilson and
+// Hilferty's quantile of the chi-square distribution.
+double by_chance(double loads) { return std::pow(1 - 2 / (9 * loads) + kSure * std::sqrt(2 / (9 * loads)), 3); }
 
-// Returns the factor of the standard deviations below which so many loads are. `ratios` are in order.
-double scale_at(std::span<const Ratio> ratios, double loads, const Tail& tail) {
-    double below = 0;
-    std::size_t at = 0;
-    while (at + 1 < ratios.size() && below + ratios[at].weight < loads) below += ratios[at++].weight;
-    return ratios[at].ratio / tail.sds;
-}
-
-// Returns `scale`, or the factor that has the share of each tail beyond it, if more loads are there than by chance.
-double not_contradicted(double scale, std::span<Ratio> ratios) {
-    std::sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.ratio < b.ratio; });
-    const double loads = loads_of(ratios);
-    double needed = scale;
-    for (const Tail& tail : kTails) {
-        const double expected = tail.share * loads, chance = kSure * std::sqrt(expected * (1 - tail.share));
-        if (expected > chance && scale_at(ratios, expected - chance, tail) > scale)
-            needed = std::max(needed, scale_at(ratios, expected, tail));
-    }
-    return needed;
-}
-
-// Returns the factor with 68.27 % of the loads within one standard deviation, or a larger one if the tails contradict it, or
-// a quarter of the errors from the smallest to the largest load: errors under light loads are few among all.
-double scale_for(const std::vector<Error>& errors, const Parts& parts) {
-    std::vector<Ratio> ratios;
-    for (const Error& error : errors)
-        ratios.push_back({error.size / std::sqrt(variance(error, parts)), error.square[kLoad], error.weight});
-    std::vector<Ratio> by_load = ratios;
+// Returns the mean square of the errors in units of their variance: the largest of that of all, of each group with enough
+// rows, and of each quarter of the errors from the smallest to the largest load, where that is more than chance: errors
+// under light loads are few among all.
+double largest_mean_square(const std::vector<Error>& errors, const Parts& parts, bool by_groups) {
+    std::vector<std::size_t> by_load(errors.size());
+    std::iota(by_load.begin(), by_load.end(), std::size_t{0});
     std::stable_sort(by_load.begin(), by_load.end(),
-                     [](const Ratio& a, const Ratio& b) { return a.load_squared < b.load_squared; });
-    std::sort(ratios.begin(), ratios.end(), [](const Ratio& a, const Ratio& b) { return a.ratio < b.ratio; });
-    const double of_all = scale_at(ratios, kWithinOne.share * loads_of(ratios), kWithinOne);
-    double needed = not_contradicted(of_all, ratios);
-    for (std::size_t i = 0, n = by_load.size(); i < 4; ++i)
-        needed = std::max(needed, not_contradicted(of_all, {&by_load[i * n / 4], (i + 1) * n / 4 - i * n / 4}));
-    return needed;
-}
-
-// Returns the root mean square of the errors of the group in which it is largest, in units of their standard deviation.
-double worst_group(const std::vector<Error>& errors, const Parts& parts) {
-    struct Sum {
-        double squares = 0, loads = 0;
-        std::size_t rows = 0;
-    };
-    std::map<std::size_t, Sum> sums;
-    for (const Error& error : errors) {
-        Sum& sum = sums[error.group];
-        sum.squares += error.weight * error.size * error.size / variance(error, parts);
-        sum.loads += error.weight;
-        ++sum.rows;
+                     [&](std::size_t a, std::size_t b) { return errors[a].square[kLoad] < errors[b].square[kLoad]; });
+    Sum all, quarters[4];
+    std::map<std::size_t, Sum> groups;
+    for (std::size_t i = 0; i < errors.size(); ++i) {
+        const Error& error = errors[by_load[i]];
+        const double square = error.size * error.size / variance(error, parts);
+        all.add(error, square);
+        quarters[4 * i / errors.size()].add(error, square);
+        if (by_groups) groups[error.group].add(error, square);
     }
-    double worst = 0;
-    for (const auto& [group, sum] : sums)
-        if (sum.rows >= kRowsOfAGroup) worst = std::max(worst, std::sqrt(sum.squares / sum.loads));
-    return worst;
+    double largest = all.mean();
+    for (const Sum& quarter : quarters)
+        if (quarter.mean() > by_chance(quarter.loads)) largest = std::max(largest, quarter.mean());
+    for (const auto& [group, sum] : groups)
+        if (sum.rows >= kRowsOfAGroup) largest = std::max(largest, sum.mean());
+    return largest;
 }
 
 }  // namespace
@@ -164,12 +128,9 @@ double worst_group(const std::vector<Error>& errors, const Parts& parts) {
 Parts variance_of(const Errors& errors, bool by_sessions, const Allowed& allowed) {
     Parts parts = likeliest(errors, allowed);
     if (!(parts[kConstant] > 0)) return {};
-    double scale = 0;
-    for (const auto* of : {&errors.plain, &errors.tared}) {
-        scale = std::max(scale, scale_for(*of, parts));
-        if (by_sessions) scale = std::max(scale, worst_group(*of, parts));
-    }
-    for (double& part : parts) part *= scale * scale;
+    const double larger = std::max(
+        {1.0, largest_mean_square(errors.plain, parts, by_sessions), largest_mean_square(errors.tared, parts, by_sessions)});
+    for (double& part : parts) part *= larger;
     return parts;
 }
 

@@ -28,9 +28,8 @@ struct Allowed {
     bool load, unloading;
 };
 
-// Returns the likeliest parts of normal errors, scaled so that 68.27 % of the loads are within one standard deviation; more
-// where the tails (95 %, 99 %) or a quarter of the errors by load contradict that beyond chance, or if `by_sessions` where
-// the root mean square of a session is larger. Each group of errors is then a session.
+// Returns the likeliest parts of normal errors, made so much larger that the mean square of the plain errors, that of the
+// tared ones and, if `by_sessions`, that of each group is no more than the variance. Each group of errors is then a session.
 Parts variance_of(const Errors& errors, bool by_sessions, const Allowed& allowed);
 
 // Minimum number of errors for a scale.

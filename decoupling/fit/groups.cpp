@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 #include <numeric>
+#include <utility>
 
 #include "decoupling/fit/labels.hpp"
 
@@ -32,16 +33,22 @@ Groups groups_of_sessions(const Labelled& labelled, const Rows& rows) {
     return groups;
 }
 
-// Returns poses in groups of neighbours; empty if the rows do not repeat poses.
+// Returns poses in groups of neighbours; empty if the rows do not repeat poses. Each rest is a pose of its own: without any
+// rest the zero is that of loads with their hysteresis.
 Groups groups_of_poses(const Rows& rows) {
     Groups groups;
-    std::map<Wrench, std::size_t> poses;
+    std::map<std::pair<Wrench, std::size_t>, std::size_t> poses;  // with the number of the rest, 0 under load
     std::vector<std::size_t> pose_of_row;
+    std::size_t rests = 0;
+    bool rested = false;
     for (const auto* row : rows) {
         Wrench key = row->wrench_S;
+        const bool is_rest = std::none_of(key.begin(), key.end(), [](double value) { return value < 0 || value > 0; });
+        if (is_rest && !rested) ++rests;
+        rested = is_rest;
         for (double& value : key)
             if (std::isnan(value)) value = 1e300;  // NaN has no order
-        pose_of_row.push_back(poses.emplace(key, poses.size()).first->second);
+        pose_of_row.push_back(poses.try_emplace({key, is_rest ? rests : 0}, poses.size()).first->second);
     }
     if (poses.size() < 4 || poses.size() * kRowsPerPose > rows.size()) return groups;
     const std::size_t n = std::min(kMaxPoseGroups, poses.size());

@@ -24,7 +24,8 @@ constexpr std::size_t kTried = 50;                  // rows on which a change of
 // The readings of a session minus what the loads explain: one row per reading, one column per channel.
 struct Unloaded {
     std::vector<double> t_h;
-    std::vector<bool> rests;
+    std::vector<bool> rests;  // after a load: the first one leaves a memory that is no drift
+    bool was_loaded = false;
     Eigen::MatrixXd channel;
 };
 
@@ -38,7 +39,9 @@ std::vector<Unloaded> unloaded(const Calibration& calibration, const MixedEffect
         if (row.t_ns == 0) continue;
         Unloaded& one = result[effects.session[i]];
         one.t_h.push_back(double(row.t_ns) * 1e-9 / kHour_s);
-        one.rests.push_back(load_of(row.wrench_S, calibration) < LoadPeak::kRest);
+        const bool is_low = load_of(row.wrench_S, calibration) < LoadPeak::kRest;
+        one.was_loaded = one.was_loaded || !is_low;
+        one.rests.push_back(is_low && one.was_loaded);
         chosen[effects.session[i]].push_back(Eigen::Index(i));
     }
     for (std::size_t s = 0; s < result.size(); ++s) result[s].channel = effects.unloaded(chosen[s], Eigen::all);
@@ -65,6 +68,14 @@ Means means_of_parts(const Unloaded& session, bool at_rest) {
     return mean;
 }
 
+// The number of parts between changes: half of those from the first to the last with a mean.
+std::size_t half_of(const Means& mean) {
+    std::size_t first = mean.size(), last = 0;
+    for (std::size_t i = 0; i < mean.size(); ++i)
+        if (mean[i].allFinite()) first = std::min(first, i), last = i;
+    return first < last ? (last - first + 1) / 2 : 0;
+}
+
 // Changes of the channels over a time, each scaled to an hour.
 using Changes = std::vector<std::vector<double>>;
 
@@ -77,20 +88,22 @@ Changes changes_of(const Means& mean, std::size_t lag, double hours) {
     return changes;
 }
 
-// Changes over half a session, and between neighbouring parts, which scatter by noise and loads.
+// Changes over half of the time, and between neighbouring parts, which scatter by noise and loads.
 struct Drift {
     Changes far, near;
 };
 
-// From the rows at rest alone, where half a session has some at its ends, because loads leave hysteresis and curvature.
+// From the rows at rest alone, where they last long enough, because loads leave hysteresis and curvature.
 Drift drift_of(const std::vector<Unloaded>& sessions) {
     Drift all;
     for (const Unloaded& session : sessions) {
         const auto [first, last] = std::minmax_element(session.t_h.begin(), session.t_h.end());
-        const double hours = (*last - *first) / 2;
         for (const bool at_rest : {true, false}) {
             const Means mean = means_of_parts(session, at_rest);
-            const Changes far = changes_of(mean, kParts / 2, hours), near = changes_of(mean, 1, hours);
+            const std::size_t half = half_of(mean);
+            const double hours = double(half) / double(kParts) * (*last - *first);
+            if (hours < kShortest_s / 2 / kHour_s) continue;
+            const Changes far = changes_of(mean, half, hours), near = changes_of(mean, 1, hours);
             if (far.empty() || near.empty()) continue;
             all.far.insert(all.far.end(), far.begin(), far.end());
             all.near.insert(all.near.end(), near.begin(), near.end());

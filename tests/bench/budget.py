@@ -181,18 +181,25 @@ def number(cell):
     return float(cell) if cell else math.nan
 
 
-def rows_of(model, folder, calibration, forces):
+def tared_use(model, folder, out):
+    """Writes the rows of the use from the beginning of its tare on."""
+    with (folder / "truth.csv").open() as file:
+        before = sum(float(row["after_tare_s"]) <= -TARE_FOR_S * model.slower for row in csv.DictReader(file))
+    with (folder / "use.csv").open() as file:
+        head, *lines = file
+    out.write_text(head + "".join(lines[before:]))
+
+
+def rows_of(folder, calibration, forces):
     """{component: [Row]}"""
     full_scale = tomllib.loads(calibration.read_text())["full_scale"]
     with forces.open() as file:
         estimates = list(csv.DictReader(line for line in file if not line.startswith("#")))
     with (folder / "truth.csv").open() as file:
-        truth = list(csv.DictReader(file))
-    tare = [e for e, row in zip(estimates, truth, strict=True) if -TARE_FOR_S * model.slower < float(row["after_tare_s"]) < 0]
-    zero = {c: statistics.fmean(number(e[c]) for e in tare) for c in FORCES}
+        truth = list(csv.DictReader(file))[-len(estimates):]
     result, peak, hold, before = {c: [] for c in FORCES}, 0.0, 0, None
     budget_at = list(estimates[0]).index("noise_fx") if "noise_fx" in estimates[0] else None
-    for e, row in zip(estimates, truth):
+    for e, row in zip(estimates, truth, strict=True):
         true = [float(row[c]) for c in FORCES]
         hold, before = hold + (true != before), true
         if not any(true):
@@ -200,7 +207,7 @@ def rows_of(model, folder, calibration, forces):
         peak = max(peak, math.hypot(*true) / max(full_scale))
         if not e["fz_N"] or float(row["after_tare_s"]) < 0:
             continue
-        force = [number(e[c]) - zero[c] for c in FORCES]
+        force = [number(e[c]) for c in FORCES]
         load = math.hypot(*force) / max(full_scale)
         errors, whole = tuple(f - f_true for f, f_true in zip(force, true)), None
         if budget_at is not None and row["settled"] == "1":
@@ -290,7 +297,7 @@ def direction(rows):
 def sum_of(sensors, are_like):
     """Sums over several sensors: of samples of like loads, or of any. A group of sensors counts as one."""
     groups = []
-    n = len(sensors[0])
+    n = len(sensors)
     for group in zip(*sensors):
         samples = []
         for i, first in enumerate(group[0]):
@@ -358,7 +365,9 @@ def judge(job):
     more = ["--budget"] if "--budget " in help_text else []
     with tempfile.TemporaryDirectory() as temporary:
         calibration, forces = pathlib.Path(temporary) / "calibration.toml", pathlib.Path(temporary) / "forces.csv"
-        decouple = ["decouple", "--calibration", calibration, "--in", folder / "use.csv", "--out", forces, *more]
+        use = pathlib.Path(temporary) / "use.csv"
+        tared_use(model, folder, use)
+        decouple = ["decouple", "--calibration", calibration, "--in", use, "--tare-s", f"{TARE_FOR_S * model.slower:g}", "--out", forces, *more]
         for command in (["calibrate", "--model", name, "--method", model.method, "--in", folder / "labelled.csv", "--out", calibration, *words],
                         decouple):
             if command is decouple and "--temperature-sd-K" in help_text:
@@ -366,7 +375,7 @@ def judge(job):
             done = subprocess.run([pathlib.Path(program) / "tactilectl", *command], capture_output=True, text=True)
             if done.returncode != 0:
                 return f"{name} {seed}: {done.stderr.strip().splitlines()[-1]}"
-        rows = rows_of(model, folder, calibration, forces)
+        rows = rows_of(folder, calibration, forces)
         result = {(cell, c): figures(own) for cell, (function, _) in CELLS.items() for c, own in function(rows).items()}
         result["holds"] = [hold[len(hold) // 2] for hold in holds_of(next(iter(rows.values())))]  # all components
         return result

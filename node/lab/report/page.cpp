@@ -227,8 +227,8 @@ constexpr const char* kHowToRead = R"(<h2>How to read the numbers</h2>
 <li>Held-out rms is the error on rows that a fit without their group (see "validated by") had not seen. Quote this one, with
 the way of validation. With one session it does not contain mounting the sensor again, another day or another temperature.</li>
 <li>The reference's own error is part of every error here.</li>
-<li>sd is the standard deviation that the calibration states for an estimate: at least 68 % of the held-out errors are within one
-sd, 95 % within 1.96 and 99 % within 2.58, and it is at least the rms of the worst session. The shares are counted on the same
+<li>sd is the standard deviation that the calibration states for an estimate: the root mean square of the held-out errors, and
+at least that of the worst session. Of normal errors 68 % are within one sd. The shares are counted on the same
 rows, so they check that the statement holds, not that it would hold on other data.</li>
 <li>Held-out rows without estimate are labelled rows where the model gave no number (BAD). They are in no rms.</li>
 <li>Where the loads have gaps, the calibration has not been tested there.</li>

@@ -61,6 +61,20 @@ TEST(ZeroAge, OfARecordingWithoutDriftIsNotStated) {
         EXPECT_TRUE(fit(drifting(seed, 0, 2), by("matrix")).calibration.zero_rate_per_h.empty()) << seed;
 }
 
+// A new sensor rests, and its first load leaves 0.3 % of full scale in a channel. It rests again in the second half only.
+TEST(ZeroAge, TheMemoryOfTheFirstLoadIsNoDrift) {
+    Labelled labelled = drifting(1, 0, 1);
+    for (LabelledRow& row : labelled.rows)
+        if (row.t_ns < 100'000'000'000)
+            row.channel[0] -= row.wrench_S[0], row.channel[1] -= row.wrench_S[2], row.wrench_S[0] = row.wrench_S[2] = 0;
+        else
+            row.channel[0] += 0.03;
+    std::erase_if(labelled.rows, [](const LabelledRow& row) {
+        return row.wrench_S[0] == 0 && row.t_ns > 100'000'000'000 && row.t_ns < 900'000'000'000;
+    });
+    EXPECT_TRUE(fit(labelled, by("matrix")).calibration.zero_rate_per_h.empty());
+}
+
 TEST(ZeroAge, TheScatterOfTheSessionsNeedsFiveOfThem) {
     EXPECT_TRUE(fit(drifting(1, 0, 4, 0.05), by("matrix")).calibration.zero_shift.empty());
     double mean = 0;
